@@ -6,18 +6,12 @@ Practice asks for those (section 5.2.11). They know no noise and no null: report
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 from rich.table import Table
 
-from diagnosis.recording import HOUR
 from shared.units import TEMPERATURES, spelled
-
-HOURLY_CVRMSE = 0.30
-HOURLY_NMBE = 0.10
-"""What Guideline 14 asks of a simulation calibrated to hourly data."""
 
 
 class Score(BaseModel):
@@ -33,23 +27,6 @@ class Score(BaseModel):
     bias: float
     cvrmse: float | None
     nmbe: float | None
-
-
-@dataclass(frozen=True)
-class Guideline14:
-    """``cvrmse`` and ``nmbe`` of :func:`shares`; ``rmse``, ``bias`` (measured less simulated) [unit]."""
-
-    channel: str
-    unit: str
-    rmse: float
-    bias: float
-    cvrmse: float | None
-    nmbe: float | None
-    within: bool | None
-
-    def to_dict(self) -> dict[str, str | float | bool | None]:
-        """For ``report.json``."""
-        return asdict(self)
 
 
 def shares(
@@ -88,28 +65,6 @@ def score(measured: np.ndarray, simulated: np.ndarray, unit: str) -> Score:
         cvrmse=cvrmse,
         nmbe=nmbe,
     )
-
-
-def guideline14(channel: str, unit: str, measured: np.ndarray, residual: np.ndarray, step: float = HOUR) -> Guideline14:
-    """The figures of Guideline 14, and whether they are within what it asks for of hourly data.
-
-    Parameters
-    ----------
-    measured, residual
-        Shape (steps,) [unit]; NaN where missing.
-    step
-        Of the recording [s]: of others than hours the limits are not asked.
-    """
-    seen = np.isfinite(measured) & np.isfinite(residual)
-    left = residual[seen]
-    if len(left) <= 1:
-        return Guideline14(channel, unit, float("nan"), float("nan"), None, None, None)
-    rmse, bias = float(np.sqrt(np.mean(left**2))), float(left.mean())
-    cvrmse, nmbe = shares(measured[seen], left, unit)
-    within = None
-    if cvrmse is not None and nmbe is not None and abs(step - HOUR) < 1.0:
-        within = cvrmse <= HOURLY_CVRMSE and abs(nmbe) <= HOURLY_NMBE
-    return Guideline14(channel, unit, rmse, bias, cvrmse, nmbe, within)
 
 
 def score_table(outputs: Mapping[str, Score], **further: Mapping[str, float]) -> Table:

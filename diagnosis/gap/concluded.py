@@ -17,15 +17,13 @@ from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.evidence import Evidence, Search, evidence_of, gap_found
-from diagnosis.gap.limits import ends_left_out, noiseless
 from diagnosis.gap.places import operators, place
 from diagnosis.gap.reporting import reported
-from diagnosis.gap.schema import HOW_FAR, Report
+from diagnosis.gap.schema import HOW_FAR, Report, ShrinkageOf
 from diagnosis.gap.search import at_its_optimum, search
-from diagnosis.gap.shrinkage import Apart, Shrinkage, fitted_apart, left_by, shrinkages
+from diagnosis.gap.shrinkage import Apart, fitted_apart, left_by, shrinkages
 from diagnosis.gap.starting import Begun
 from diagnosis.gap.verdict import Decision, Verdicts, decide
-from diagnosis.recording import HOUR
 from diagnosis.where import Operator, Where
 from shared.results import Result
 
@@ -55,7 +53,6 @@ class Diagnosis(Result):
     the chosen effects, if there are any.
     """
 
-    report: Report
     whole: Problem
     origin: Begun
     candidates: list[Effect]
@@ -68,9 +65,10 @@ class Diagnosis(Result):
     where: Where
     where_left: Where | None
     apart: Apart | None
-    shrinkage: list[Shrinkage]
+    shrinkage: list[ShrinkageOf]
     scored: np.ndarray
     seed: int
+    report: Report = None  # type: ignore[assignment]  # made of all the others
 
     def without(self, names: Collection[str]) -> Diagnosis:
         """The same recording diagnosed with some candidates withheld.
@@ -177,38 +175,16 @@ def concluded(
         dropped = tuple(one.name for one in found.chosen)
         found, where_left = replace(found, stages=[first], refits=[], settled=[], dropped=dropped), None
     apart: Apart | None = None
-    shrinkage: list[Shrinkage] = []
+    shrinkage: list[ShrinkageOf] = []
     if found.chosen and (whole.observed & ~scored).any():
         whole.runner.stage("scoring on a part that is kept from the fit")
         apart = attempt(HOW_FAR, lambda: fitted_apart(found, whole.observed & ~scored), None)
     if apart is not None:
-        done, colours = apart, found.last.colours
+        fits, colours = apart, found.last.colours
         shrinkage = attempt(
-            HOW_FAR, lambda: shrinkages(done, first, colours, scored, whole.observed, seed=seed), shrinkage
+            HOW_FAR, lambda: shrinkages(fits, first, colours, scored, whole.observed, seed=seed), shrinkage
         )
-    report = reported(
-        base=base,
-        started_from=origin.name,
-        search=found,
-        decision=decision,
-        where=where,
-        where_left=where_left,
-        shrinkage=shrinkage,
-        agreed=apart is None or apart.agreed,
-        unknown=unknown,
-        scored=scored,
-        seed=seed,
-        simulations=whole.simulations - began.simulations,
-        seconds=time.perf_counter() - began.seconds,
-        cpu_seconds=time.process_time() - began.cpu_seconds,
-        by=by[0],
-        uncalibrated=by[1],
-    )
-    ends = ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
-    more = [*ends, *noiseless(whole.undeclared)]
-    report = report.model_copy(update={"limits": [*report.limits, *more]})
-    return Diagnosis(
-        report,
+    done = Diagnosis(
         whole,
         origin,
         candidates,
@@ -225,3 +201,4 @@ def concluded(
         scored,
         seed,
     )
+    return replace(done, report=reported(done, began))

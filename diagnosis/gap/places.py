@@ -161,7 +161,6 @@ def place(stage: Stage, observed: np.ndarray, operators: list[Operator]) -> Wher
     return locate(
         residuals,
         inputs={words[name]: series for name, series in inputs.items()},
-        measured=problem.measured,
         regimes=find_regimes(problem.system, inputs, stage.lin.outputs),
         operators=operators,
         left=lambda response: left_of(stage, response),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.fitting.fit import Fit, doubted_sd
+from diagnosis.fitting.fit import doubted_sd
 from diagnosis.gap.evidence import Search
-from diagnosis.gap.grams import discrepancy
-from diagnosis.gap.limits import detectability, limits, strained
+from diagnosis.gap.limits import detectability, ends_left_out, limits, noiseless, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit, Rivals
 from diagnosis.gap.schema import (
@@ -20,41 +21,25 @@ from diagnosis.gap.schema import (
     ParameterOf,
     Place,
     Report,
-    ShrinkageOf,
     SourceOf,
     StageOf,
 )
 from diagnosis.gap.sentences import summary
-from diagnosis.gap.shrinkage import Shrinkage
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
-from diagnosis.gap.verdict import Decision, Verdicts
+from diagnosis.gap.verdict import Decision
 from diagnosis.recording import HOUR
 from diagnosis.usual import HALF_WIDTH
 from diagnosis.where import Where
 
+if TYPE_CHECKING:
+    from diagnosis.gap.concluded import Began, Diagnosis
 
-def reported(
-    *,
-    base: Fit,
-    started_from: str,
-    search: Search,
-    decision: Decision,
-    where: Where,
-    where_left: Where | None,
-    shrinkage: list[Shrinkage],
-    agreed: bool,
-    unknown: dict[str, str],
-    scored: np.ndarray,
-    seed: int,
-    simulations: int,
-    seconds: float,
-    cpu_seconds: float,
-    by: Verdicts,
-    uncalibrated: str,
-) -> Report:
-    """All tables of ``report.json``."""
-    problem, first = base.problem, search.stages[0]
+
+def reported(done: Diagnosis, began: Began) -> Report:
+    """All tables of ``report.json``, of a diagnosis that has none yet."""
+    search, decision, where, (by, uncalibrated) = done.search, done.decision, done.where, done.by
+    problem, first = done.base.problem, search.stages[0]
     long = {one.name: one.long_name for one in problem.system.outputs}
     report = Report(
         verdict=decision.verdict,
@@ -71,9 +56,9 @@ def reported(
         where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict if decision.verdict != "no_gap" else "none",
         sources=_sources(where),
-        sources_unknown=unknown,
-        shrinkage=[ShrinkageOf(**vars(one), label=long.get(one.channel) or "") for one in shrinkage],
-        chosen_apart=agreed,
+        sources_unknown=done.unknown,
+        shrinkage=done.shrinkage,
+        chosen_apart=done.apart is None or done.apart.agreed,
         parameters=_before_and_after(search, 0, [(one.name, one.unit) for one in problem.system.parameters]),
         constants=_before_and_after(
             search, len(problem.system.parameters), [(one.name, "1") for one in problem.constants]
@@ -83,10 +68,9 @@ def reported(
         excluded={name: why for name, why in search.excluded.items() if name not in first.lin.failed},
         failed={**first.lin.failed, **search.failed},
         unfinished=search.unfinished.why,
-        stages=_stages(search, where, where_left),
+        stages=_stages(search, where, done.where_left),
         noise=_noise(first),
         limits=[],
-        guideline14=[one.to_dict() for one in where.guideline],
         system=problem.system.name,
         wider=problem.system.wider,
         system_hash=problem.system.hash(),
@@ -96,23 +80,26 @@ def reported(
         start=problem.recording.start,
         steps=len(problem.time),
         step=problem.recording.step,
-        fitted_share=float(1 - scored.mean()),
+        fitted_share=float(1 - done.scored.mean()),
         occupancy=problem.occupancy,
         replay=problem.replay,
         replayed=list(problem.drive.replayed),
         assumed=problem.drive.assumed,
         twins=TWINS,
-        seed=seed,
-        started_from=started_from,
+        seed=done.seed,
+        started_from=done.origin.name,
         converged=search.base.settled,
         converged_after=search.settled[-1].settled if search.chosen else None,
-        simulations=simulations,
-        seconds=seconds,
-        cpu_seconds=cpu_seconds,
+        simulations=done.whole.simulations - began.simulations,
+        seconds=time.perf_counter() - began.seconds,
+        cpu_seconds=time.process_time() - began.cpu_seconds,
         calibrated=CalibratedBy.model_validate({name: getattr(by, name) for name in CalibratedBy.model_fields}),
         uncalibrated=uncalibrated,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
+    whole = done.whole
+    limited += ends_left_out(whole.observed, np.isfinite(whole.measured), whole.recording.step / HOUR)
+    limited += noiseless(whole.undeclared)
     return report.model_copy(update={"summary": summary(report, sensors_among(first), long), "limits": limited})
 
 
@@ -132,20 +119,17 @@ def _by_name(rivals: Rivals | None) -> dict[str | None, Refit]:
 def _hypotheses(search: Search) -> list[HypothesisOf]:
     """The base model first, then candidates in the order of their evidence where they were asked last."""
     stage = search.stages[0]
-    colours, floor = stage.colours, stage.lin.problem.floor
     known = search.made.rivals.get(replace(search, stages=[stage]).path)
     start = _by_name(None if known is None else known[1])
     best = _by_name(search.compared)
 
     def of(name: str | None, on_line: float) -> HypothesisOf:
         first, last = start.get(name), best.get(name)
-        beside = None if last is None else last.evidence + max(discrepancy(last.grams, colours, floor)[0], 0.0)
         return HypothesisOf(
             name=name,
             on_line=on_line,
             at_start=None if first is None else first.evidence,
             at_best=None if last is None else last.evidence,
-            beside_discrepancy=beside,
             amplitude=None if last is None or name is None else float(last.lin.amplitudes[0]),
         )
 
@@ -304,7 +288,6 @@ def _stages(search: Search, where: Where, where_left: Where | None) -> list[Stag
                 where_p=p,
                 episode_p=stage.episode.p_value if stage.episode else None,
                 left_over=stage.left_over,
-                episode_gain=stage.episode.gain if stage.episode else 0.0,
             )
         )
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 15
+SCHEMA_VERSION = 16
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -60,7 +60,6 @@ class HypothesisOf(_Table):
     on_line: float = Field(description="over the base model's, on the straight line at its fit")
     at_start: float | None = Field(None, description="refitted where the base model's fit began, on one line for all")
     at_best: float | None = Field(None, description="refitted on one line that is drawn where the best of them is")
-    beside_discrepancy: float | None = Field(None, description="there, with the most plausible slow errors beside it")
     amplitude: float | None = Field(None, description="there [scale of the effect]")
 
 
@@ -103,14 +102,14 @@ class ShrinkageOf(_Table):
     label: str = Field("", description="what the channel is")
     unit: str
     readings: int
-    before: float | None
-    after: float | None
-    floor: float | None
-    share: float | None
-    low: float | None
-    high: float | None
-    placebo: float | None
-    placebo_best: float | None
+    before: float | None = None
+    after: float | None = None
+    floor: float | None = Field(None, description="of noise alone")
+    share: float | None = None
+    low: float | None = None
+    high: float | None = None
+    placebo: float | None = Field(None, description="mean share of placebos")
+    placebo_best: float | None = Field(None, description="largest share of a placebo")
 
     @property
     def told(self) -> tuple[float | None, float | None, float | None]:
@@ -192,7 +191,7 @@ class StageOf(_Table):
     factor of a candidate on a straight line (``evidence``) and whose it is (``strongest``), p of the best candidate
     (family-wise), p of the residual's whole square, p of where the residual lies, p of the stretch of one channel that
     reads off the most, and how much log evidence a discrepancy without a cause would still gain: slow or for a while
-    (``left_over``), and for a while.
+    (``left_over``).
     """
 
     effects: list[str]
@@ -205,7 +204,6 @@ class StageOf(_Table):
     where_p: float | None
     episode_p: float | None
     left_over: float
-    episode_gain: float
 
 
 class NoiseOf(_Table):
@@ -262,10 +260,6 @@ class Report(Result, _Table):
     stages: list[StageOf]
     noise: list[NoiseOf]
     limits: list[str]
-    guideline14: list[dict[str, Any]] = Field(
-        description="figures of ASHRAE Guideline 14, of the residual with the nuisances at their most likely; whether"
-        " they are within its limits is told of hourly recordings"
-    )
     system: str
     system_hash: str
     wider: str = Field("", description="the description with wider ranges, if the system names one")

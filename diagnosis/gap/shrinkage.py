@@ -33,7 +33,7 @@ from diagnosis.gap.evidence import Search
 from diagnosis.gap.grams import AMPLITUDE, Colour, Colours, Grams
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import WORTH, Refit, fitted_anew, misfit, relinearised
-from diagnosis.gap.schema import FEWEST
+from diagnosis.gap.schema import FEWEST, ShrinkageOf
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import draw_errors
 from diagnosis.recording import DAY, HOUR, Recording
@@ -171,32 +171,9 @@ CLEAR = 3.0
 """A gap is a gap from so many standard errors of the noise's own mean square on."""
 
 
-@dataclass(frozen=True)
-class Shrinkage:
-    """One channel.
-
-    Root mean squares [unit] on the ``readings`` of the scored part, ``floor`` of noise alone, None where there are no
-    readings; ``share`` of the gap that
-    the effect removes with its 90 % interval, None where there is no gap above the floor or too few readings to tell;
-    ``placebo`` the mean share of placebos and ``placebo_best`` the largest.
-    """
-
-    channel: str
-    unit: str
-    readings: int
-    before: float | None
-    after: float | None
-    floor: float | None
-    share: float | None
-    low: float | None
-    high: float | None
-    placebo: float | None
-    placebo_best: float | None
-
-
 def shrinkages(
     apart: Apart, first: Stage, colours: Colours, scored: np.ndarray, observed: np.ndarray, *, seed: int = 0
-) -> list[Shrinkage]:
+) -> list[ShrinkageOf]:
     """Shares of the gap that the chosen effects remove, of all channels that count; none where no reading is scored.
 
     Parameters
@@ -221,8 +198,9 @@ def shrinkages(
         rows = observed[k] & scored
         if not observed[k].any():
             continue
+        channel = {"channel": output.name, "label": output.long_name or "", "unit": output.unit}
         if not rows.any():  # what it would show is not known, which is no sign that it shows nothing
-            found.append(Shrinkage(output.name, output.unit, 0, *(None,) * 8))
+            found.append(ShrinkageOf(**channel, readings=0))
             continue
         old, new = before[k] ** 2, after[k] ** 2
         gap = float(old[rows].mean() - floors[k])
@@ -231,9 +209,8 @@ def shrinkages(
         shares = _bootstrap(old, new, rows, (floors[k], CLEAR * errors[k]), step, rng) if some else None
         placebo = [float((old - one[k] ** 2)[rows].mean() / gap) for one in shifted] if some else []
         found.append(
-            Shrinkage(
-                channel=output.name,
-                unit=output.unit,
+            ShrinkageOf(
+                **channel,
                 readings=int(rows.sum()),
                 before=float(np.sqrt(old[rows].mean())),
                 after=float(np.sqrt(new[rows].mean())),

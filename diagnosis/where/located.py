@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.scores import Guideline14, guideline14
 from diagnosis.where.cells import CellTest, Regime, scan_cells
 from diagnosis.where.correlation import CorrelationTest, scan_correlations
 from diagnosis.where.episodes import EpisodeTest, scan_episodes
@@ -26,7 +25,6 @@ class Where:
     correlations: CorrelationTest | None
     episodes: EpisodeTest
     sources: SourceTest | None
-    guideline: list[Guideline14]
     families: list[str]
     whole: MaxTest
     alpha: float = 0.05
@@ -106,7 +104,6 @@ def locate(
     residuals: Residuals,
     *,
     inputs: Mapping[str, np.ndarray],
-    measured: np.ndarray,
     regimes: Sequence[Regime] = (),
     operators: Sequence[Operator] = (),
     left: Callable[[np.ndarray], np.ndarray] | None = None,
@@ -118,8 +115,6 @@ def locate(
     ----------
     inputs
         Recorded inputs by name, each (steps,).
-    measured
-        Recorded outputs, shape (outputs, steps), for the figures of Guideline 14.
     regimes
         From :func:`~diagnosis.where.cells.find_regimes`.
     operators, left
@@ -145,10 +140,6 @@ def locate(
         correlations=correlations,
         episodes=episodes,
         sources=sources,
-        guideline=[
-            guideline14(residuals.names[k], residuals.units[k], measured[k], residuals.observed[k], residuals.step)
-            for k in residuals.measured
-        ],
         families=list(used),
         whole=combine(list(used.values())),
         alpha=alpha,

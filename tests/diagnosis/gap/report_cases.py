@@ -102,7 +102,6 @@ def stage(p_value, where_p, effects=()):
         where_p=where_p,
         episode_p=0.5,
         left_over=0.0,
-        episode_gain=0.0,
     )
 
 

@@ -11,7 +11,6 @@ from diagnosis.gap.evidence import Made
 from diagnosis.gap.grams import Grams
 from diagnosis.gap.page import render
 from diagnosis.gap.refit import at_rest, refit
-from diagnosis.gap.schema import ShrinkageOf
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import _bootstrap, fitted_apart, shrinkages
 from diagnosis.recording import HOUR
@@ -87,7 +86,7 @@ def test_few_scored_readings_are_told_and_give_no_share(drifted):
     )
     assert room.readings == np.sum(drifted.whole.observed[0] & scored) <= 6
     assert room.share is None and room.placebo is None
-    report = drifted.report.model_copy(update={"shrinkage": [ShrinkageOf(**vars(room))]})
+    report = drifted.report.model_copy(update={"shrinkage": [room]})
     page = render(replace(drifted, report=report.model_copy(update={"summary": summary(report)})))
     assert "too few readings" in page and "fewer than 12 readings of any channel" in page
     page = render(replace(drifted, report=report.model_copy(update={"shrinkage": []})))

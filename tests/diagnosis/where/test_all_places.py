@@ -19,7 +19,7 @@ def test_a_strong_gap_makes_nothing_beside_it_surer():
     observed = case.observed.copy()
     observed[0] += 8 * wind
     observed[0, 100:150] += 8
-    found = locate(with_observed(case, observed), inputs={"wind": wind}, measured=observed)
+    found = locate(with_observed(case, observed), inputs={"wind": wind})
     own = [*found.cells.findings, *found.episodes.findings, *found.correlations.findings]
     assert len(found.findings) > 3
     for one in found.findings:
@@ -39,7 +39,7 @@ def test_only_a_recording_noisier_than_its_twins_stands_out_by_noise(share, stan
     rng = np.random.default_rng(3)
     case = twins(1, outputs=1, steps=STEPS, twins=199, phi=0.0)
     observed = share * rng.standard_normal((1, STEPS))
-    found = locate(with_observed(case, observed), inputs={}, measured=observed + 500)
+    found = locate(with_observed(case, observed), inputs={})
     assert (found.p_value <= 0.01) is stands_out
     assert any("more scatter" in one.text for one in found.findings) is stands_out
 
