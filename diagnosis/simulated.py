@@ -154,8 +154,7 @@ def _with_values(
         noise=noise,
         replay=replay,
         warm_up=warm_up * HOUR,
-        uncertain=False,
-        history=False,
+        known=("constants", "history"),
         runner=_Given(simulator, values),
     )
     z = problem.unknowns(values)

@@ -442,7 +442,6 @@ class Generator:
             values,
             signals,
             begin=steps.begin,
-            start=steps.begin,
             stop=steps.stop,
             step=self.truth.step,
             tolerance=self.truth.tolerance,

@@ -10,7 +10,6 @@ import shutil
 from collections.abc import Callable
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +118,7 @@ ATTEMPTS = 5
 _DIGITS = 7
 """Significant digits of the sealed series: below the sensors' floor."""
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], object]
 
 
 def make(
@@ -132,7 +131,7 @@ def make(
     truth: Path | str | None = None,
     hours: float = HOURS,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, recordings: None,
 ) -> dict[str, Any]:
     """Write recordings whose effect is sealed, and return the manifest.
 
@@ -198,7 +197,7 @@ def make(
     with FolderLock(part, str(described.path.resolve()), kind=RecordingError):  # two calls would have two seeds
         chosen = begin(part, begun, seed)
         jobs = [(chosen, index, part) for index in range(recordings) if not _answer(part, index).exists()]
-        _work_off(described, where, hours, jobs, workers, partial(_tell, progress, recordings), recordings)
+        _work_off(described, where, hours, jobs, workers, progress, recordings)
         opened = [
             {"file": file, **read_json(_answer(part, index), RecordingError, "an answer of a set that is being made")}
             for index, file in enumerate(copied)
@@ -210,11 +209,6 @@ def make(
         publish(folder, manifest)
     shutil.rmtree(part)
     return manifest
-
-
-def _tell(progress: Progress | None, recordings: int, done: int) -> None:
-    if progress is not None:
-        progress(done, recordings)
 
 
 def _check_length(hours: float, step: float) -> None:
@@ -256,17 +250,17 @@ def _work_off(
     hours: float,
     jobs: list[Job],
     workers: int,
-    tell: Callable[[int], object],
+    progress: Progress,
     total: int,
 ) -> None:
     """Make what is missing."""
     done = total - len(jobs)
-    tell(done)
+    progress(done, total)
     if workers <= 1:
         generator = Generator(system, load_truth(truth, system), hours=hours)
         for k, job in enumerate(jobs, done + 1):
             write_one(generator, *job)
-            tell(k)
+            progress(k, total)
         return
     try:
         with worker_pool(workers, _prepare, (system, truth, hours)) as pool:
@@ -274,7 +268,7 @@ def _work_off(
                 futures = [pool.submit(_work, job) for job in jobs]
             for k, future in enumerate(as_completed(futures), done + 1):
                 future.result()
-                tell(k)
+                progress(k, total)
     except BrokenProcessPool:
         raise SimulationError(
             f"{system.fmu_path} or the FMU of {truth}: took a process down that made recordings of {hours:g} h, or"

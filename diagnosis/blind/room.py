@@ -258,13 +258,12 @@ def live(
     signals: Mapping[str, Piecewise],
     *,
     begin: float,
-    start: float,
     stop: float,
     step: float,
     tolerance: float,
     window: tuple[str, str, Window] | None = None,
 ) -> Lived:
-    """Simulate from ``begin`` and record every ``step`` between ``start`` and ``stop`` (all [s]).
+    """Simulate from ``begin`` to ``stop`` and record every ``step`` (all [s]).
 
     ``window``: the input that an occupant sets every full hour, the output that tells the occupant how warm it is, and
     the occupant. The simulation then goes hour by hour, each from the states that the last one left.
@@ -283,7 +282,6 @@ def live(
             table,
             start=begin,
             stop=stop,
-            record_from=start,
             step=step,
             tolerance=tolerance,
             record_states=True,
@@ -307,10 +305,9 @@ def live(
             record_states=True,
         )
         last, feels = made.states[-1], float(made.outputs[row, -1])
-        if hour >= start - 1.0:
-            times.append(made.time)
-            outputs.append(made.outputs)
-            states.append(made.states[1:])
+        times.append(made.time)
+        outputs.append(made.outputs)
+        states.append(made.states[1:])
     return Lived(
         np.concatenate(times),
         np.concatenate(outputs, axis=1),

@@ -310,7 +310,7 @@ def run(
     seed: int = 0,
     limit: float = LIMIT,
     judge: Judge | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, recordings: None,
 ) -> Run:
     """Diagnose the recordings of a blind set and write one verdict file each; what is there is not done again.
 
@@ -392,7 +392,14 @@ def run(
         if not (results / VERDICTS / name_of(one["file"])).exists()
         or (leave_one_out and not (results / WITHOUT / name_of(one["file"])).exists())
     ]
-    tell = _counter(len(listed) - len(jobs), len(listed), progress)
+    done = len(listed) - len(jobs)
+    progress(done, len(listed))
+
+    def tell() -> None:
+        nonlocal done
+        done += 1
+        progress(done, len(listed))
+
     if workers < 1:
         for job in jobs:
             work(job)
@@ -514,17 +521,3 @@ def _check(system: System, folder: Path, manifest: dict[str, Any]) -> None:
         path = folder / one["file"]
         if not path.exists() or sha256_of(path) != one["sha256"]:
             raise RecordingError(f"{path}: missing or changed since it was published")
-
-
-def _counter(done: int, total: int, progress: Progress | None) -> Callable[[], None]:
-    count = done
-    if progress is not None:
-        progress(count, total)
-
-    def tell() -> None:
-        nonlocal count
-        count += 1
-        if progress is not None:
-            progress(count, total)
-
-    return tell

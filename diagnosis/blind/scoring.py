@@ -146,10 +146,9 @@ def score(
     for row in rows:
         if row.outcome.sha256 != sha256_of(folder / row.answer["file"]):
             raise RecordingError(f"verdict on {row.answer['file']}: sha256 is not that of the recording in {folder}")
+    scored = ["--out", out or "score.html", "--seed", seed, *(["--first", count] if count < planned else [])]
     made = Score(
-        commands=commands(
-            *(opened, run, folder, answers, results, out), seed=seed, count=count, leave_one_out=withheld == count
-        ),
+        commands=commands(opened, run, folder, answers, results, scored, leave_one_out=withheld == count),
         seed=opened["seed"],
         bootstrap_seed=seed,
         answers_sha256=sha256_of(answers),

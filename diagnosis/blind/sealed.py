@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
@@ -194,13 +194,14 @@ def commands(
     folder: Path,
     answers: Path,
     results: Path,
-    out: Path | None,
+    scored: Sequence[object],
     *,
-    seed: int,
-    count: int,
     leave_one_out: bool,
 ) -> list[str]:
-    """The three commands; leave-one-out only where all had it. Of each path the last part, wherever it was."""
+    """The three commands; leave-one-out only where all had it. Of each path the last part, wherever it was.
+
+    ``scored``: what the last one has after its places.
+    """
     planned, system = len(opened["recordings"]), _system(opened)
     make = ["make", folder, "--system", system, "--recordings", planned, "--seed", opened["seed"]]
     make += ["--hours", f"{opened['hours']:g}"]
@@ -212,9 +213,8 @@ def commands(
     limit = run.settings.get("limit", LIMIT)
     made += ["--limit", f"{limit:g}"] if limit != LIMIT else []
     made += ["--leave-one-out"] if leave_one_out else []
-    scored = ["score", folder, answers, results, "--out", out or "score.html", "--seed", seed]
-    scored += ["--first", count] if count < planned else []
-    return [shlex.join(["diagnosis", "blind", *map(_short, one)]) for one in (make, made, scored)]
+    score = ["score", folder, answers, results, *scored]
+    return [shlex.join(["diagnosis", "blind", *map(_short, one)]) for one in (make, made, score)]
 
 
 def _system(opened: dict[str, Any]) -> str:

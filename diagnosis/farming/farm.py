@@ -85,7 +85,7 @@ def farm(
     noise: str = "sensor",
     workers: int | None = 1,
     scheduler: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, recordings: None,
 ) -> Farmed:
     """Make recordings of a system whose cause is known, diagnose each, and calibrate the system's verdict by them.
 
@@ -130,8 +130,7 @@ def farm(
         (folder / ROWS).mkdir(exist_ok=True)
         left = [index for index in range(recordings) if not _path(folder, index).exists()]
         done, failed = recordings - len(left), {}
-        if progress is not None:
-            progress(done, recordings)
+        progress(done, recordings)
         with connect(workers=workers, scheduler=scheduler) if left else nullcontext() as client:
             if client is not None:
                 what = (described.canonical(), str(described.path), hours, noise, about["seed"])
@@ -142,8 +141,7 @@ def farm(
                     else:
                         write_atomically(_path(folder, index), json.dumps(made, allow_nan=False).encode())
                     done += 1
-                    if progress is not None:
-                        progress(done, recordings)
+                    progress(done, recordings)
         paths = (folder / ROWS).glob("*.json")
         rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in paths]
         found = Rows(about, tuple(sorted(rows, key=lambda one: one.index)))

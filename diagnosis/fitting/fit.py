@@ -45,7 +45,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
@@ -53,7 +53,7 @@ from scipy.optimize import least_squares
 
 from datagen.driving.tables import SNAP
 from diagnosis.fitting.failures import FAILURES
-from diagnosis.fitting.gaussian import factor, root
+from diagnosis.fitting.gaussian import factor
 from diagnosis.fitting.linear import Linearisation, responses
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.nuisance import SPACING, Nuisance
@@ -481,8 +481,6 @@ class Fit:
         The unknowns integrated out as well (Laplace).
     residual
         Marginal standardised residual, shape (readings,).
-    jacobian
-        Its derivative by the unknowns, shape (readings, unknowns).
     around
         The linearisation by the nuisance at the optimum.
     problem
@@ -501,29 +499,17 @@ class Fit:
     log_likelihood: float
     log_evidence: float
     residual: np.ndarray
-    jacobian: np.ndarray
     around: Linearisation
     problem: Problem
     at_bound: tuple[str, ...]
     converged: bool
     simulations: int
     seconds: float
-    history: tuple[tuple[int, float], ...] = field(default=())
 
     @property
     def sd(self) -> np.ndarray:
         """Posterior standard deviations of the unknowns, shape (unknowns,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """Posterior correlations of the unknowns, shape (unknowns, unknowns)."""
-        return np.asarray(self.covariance / np.outer(self.sd, self.sd))
-
-    def draws(self, count: int, seed: int = 0) -> np.ndarray:
-        """Draws of the unknowns from the posterior, shape (count, unknowns)."""
-        rng = np.random.default_rng(seed)
-        return self.z + rng.standard_normal((count, len(self.z))) @ root(self.covariance).T
 
 
 def fit(
@@ -533,7 +519,6 @@ def fit(
     rounds: int = ROUNDS,
     restless: int = 0,
     estimate_noise: bool = False,
-    around: Linearisation | None = None,
 ) -> Fit:
     """Fit a problem from one or several starts.
 
@@ -543,13 +528,11 @@ def fit(
         Each (unknowns,); the middle of the prior if none is given. All are fitted with the covariance at the first;
         the best of them goes on.
     rounds
-        How often the nuisance's part of the covariance is renewed at most; 0 keeps that of ``around``.
+        How often the nuisance's part of the covariance is renewed at most.
     restless
         How many rounds more at most, as long as the last one moved the unknowns far (:data:`LEAPING`).
     estimate_noise
         Estimate a slow error of each output and by how much its noise exceeds the given one.
-    around
-        A linearisation to begin with, for example of a fit with fewer effects.
 
     Raises
     ------
@@ -560,30 +543,26 @@ def fit(
     """
     began, counted = time.perf_counter(), problem.simulations
     starts = [np.zeros(problem.size)] if starts is None or not len(starts) else [np.asarray(s, float) for s in starts]
-    moved = np.inf if around is None else 0.0
-    if around is None:
-        around = _first(problem, starts)
-        problem, around = pruned(problem, around)
+    problem, around = pruned(problem, _first(problem, starts))
     z = _best_start(problem, starts, around)
-    converged, near, history = rounds == 0, rounds == 0, []
+    moved, converged, near, done = np.inf, False, False, 0
     path: list[np.ndarray] = []
     bent, information = None, np.eye(problem.size)
-    most, round_ = max(rounds, 1) + restless, 0
+    most, round_ = rounds + restless, 0
     try:
         for round_ in range(most):
-            if round_ >= max(rounds, 1) and moved < LEAPING:
+            if round_ >= rounds and moved < LEAPING:
                 break
             problem.runner.reached(round_ / most)
-            if rounds:
-                z = between(path, z, round_)
-                around = renewed(problem, z, around, leaps=moved < LEAPING)
+            z = between(path, z, round_)
+            around = renewed(problem, z, around, leaps=moved < LEAPING)
             before = z
             if near and (bent is None or _far(z, bent.z, information) > REUSED):
                 bent = determinant(problem, around)
             z, jacobian = solved(problem, z, around, bent, 4 if near else 8)
             information = np.eye(problem.size) + jacobian.T @ jacobian
             moved = _far(z, before, information)
-            history.append((problem.simulations - counted, moved))
+            done += 1
             path += [z] if near else []
             stays, near = near and moved < MOVED, near or moved < NEAR
             if estimate_noise and (near or round_ == 1):
@@ -596,13 +575,13 @@ def fit(
                 converged, path = True, []
                 break
     except (TimeUp, *FAILURES) as error:  # what the rounds before came to is a fit, if one that has not come to rest
-        if not history and len(starts) == 1:
+        if not done and len(starts) == 1:
             raise
-        _log.info("the fit ends after round %d: %s", len(history), error)
+        _log.info("the fit ends after round %d: %s", done, error)
     swing, z = swung(path, between(path, z, round_), round_), between(path, z, round_)
     slope = np.zeros(problem.size) if bent is None else bent.slope + bent.root.T @ (bent.root @ (z - bent.z))
     with problem.runner.lifted():
-        found = _finish(problem, z, around, slope, converged, history, began, counted)
+        found = _finish(problem, z, around, slope, converged, began, counted)
     return replace(found, covariance=found.covariance + swing)
 
 
@@ -662,7 +641,6 @@ def _finish(
     around: Linearisation,
     slope: np.ndarray,
     converged: bool,
-    history: list[tuple[int, float]],
     began: float,
     counted: int,
 ) -> Fit:
@@ -688,12 +666,10 @@ def _finish(
         log_likelihood=likelihood,
         log_evidence=evidence,
         residual=residual,
-        jacobian=jacobian,
         around=final,
         problem=problem,
         at_bound=problem.unknown.at_bound(z),
         converged=converged,
         simulations=problem.simulations - counted,
         seconds=time.perf_counter() - began,
-        history=tuple(history),
     )

@@ -144,6 +144,24 @@ class Nuisance:
         return np.where(self.guessed, np.maximum(heights, 0.0), heights)
 
 
+def pulses_between(edges: np.ndarray, column: int, factor: np.ndarray, followed: float) -> Nuisance:
+    """Pulses of zero mean on one input, each from one of ``edges`` (pulses + 1,) [s] to the next, within a recording.
+
+    ``factor`` (pulses, unknowns) [unit of the input]; ``followed`` [s].
+    """
+    count = len(edges) - 1
+    return Nuisance(
+        column=np.full(count, column),
+        begin=edges[:-1],
+        end=edges[1:],
+        turns=np.zeros(count, dtype=bool),
+        recorded=np.ones(count, dtype=bool),
+        mean=np.zeros(count),
+        factor=factor,
+        followed=np.full(count, followed),
+    )
+
+
 def no_nuisance() -> Nuisance:
     """Nothing unknown."""
     none = np.empty(0)

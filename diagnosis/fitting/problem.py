@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -37,6 +37,7 @@ STEP = 0.1
 TOLERANCE = 1e-6
 """Of the integrator at most: differences of simulations are small."""
 Made = TypeVar("Made")
+Known = Literal["constants", "history"]
 __all__ = ["LIMIT", "STEP", "Linearisation", "Problem"]
 
 
@@ -47,8 +48,6 @@ class Problem:
     ----------
     noise
         A preset of the description, standard deviations (outputs,) [unit of each], or a noise model.
-    effects
-        Their amplitudes join the unknowns after the parameters.
     occupancy
         ``unknown``, ``measured``, or None: measured where the recording has it.
     replay
@@ -56,10 +55,9 @@ class Problem:
     warm_up
         The recording's first day is repeated so long before it [s]; without it the FMU's start values would count as
         known, and what they get wrong as a gap.
-    uncertain
-        Whether the description's uncertain constants are unknowns; otherwise they have their values.
-    history
-        Whether what came before the recording is a nuisance; otherwise its first day stands in for it exactly.
+    known
+        What is no unknown: ``constants`` that the description calls uncertain have their values, and for the
+        ``history`` of the recording its first day stands in exactly.
     runner
         Where simulations run; in this process by default. All copies of a problem share its :class:`Simulations`.
 
@@ -75,19 +73,17 @@ class Problem:
         recording: Recording,
         *,
         noise: str | np.ndarray | NoiseModel = "sensor",
-        effects: Sequence[Effect] = (),
         occupancy: str | None = None,
         replay: bool = False,
         warm_up: float = WARM_UP,
-        uncertain: bool = True,
-        history: bool = True,
+        known: Collection[Known] = (),
         runner: Runner | Simulations | None = None,
     ) -> None:
         check_warm_up(recording, warm_up)
         self.simulator, self.recording, self.replay = simulator, recording, replay
         self.system = system = simulator.system
-        self.effects = tuple(effects)
-        self.constants = constants(system, simulator.fmu) if uncertain else ()
+        self.effects: tuple[Effect, ...] = ()
+        self.constants = constants(system, simulator.fmu) if "constants" not in known else ()
         self.runner = runner if isinstance(runner, Simulations) else Simulations(runner or InProcess(simulator))
         self.occupancy = crowd(system, recording, occupancy)
         self.undeclared = undeclared(system, noise, recording.outputs) if isinstance(noise, str) else {}
@@ -98,7 +94,7 @@ class Problem:
         meters = dict(zip(system.output_names, self.floor.tolist(), strict=True))
         self.drive = drive(system, recording, warm_up=warm_up, replay=replay, noise=meters, occupancy=self.occupancy)
         self.nuisance, stand_ins = nuisance_of(system, recording, self.drive, occupancy=self.occupancy)
-        if not history:
+        if "history" in known:
             self.nuisance = self.nuisance.only(self.nuisance.recorded)
         tolerance = min(TOLERANCE, system.experiment.tolerance)
         self._runs = Runs(self.drive, stand_ins, recording, replay=replay, tolerance=tolerance)
@@ -282,25 +278,18 @@ class Problem:
         whitened = self.standardised(-np.stack(made, axis=-1)) if made else np.empty((0, 0))
         return around.marginal.root(whitened) if around is not None else whitened
 
-    def linearise(
-        self, z: np.ndarray, nuisance: np.ndarray | None = None, response: np.ndarray | None = None
-    ) -> Linearisation:
-        """Linearise by the nuisance around ``z`` and a nuisance (standard normal; prior mean by default).
-
-        ``response`` of another point saves its simulations, but not how long it was followed.
-        """
+    def linearise(self, z: np.ndarray, nuisance: np.ndarray | None = None) -> Linearisation:
+        """Linearise by the nuisance around ``z`` and a nuisance (standard normal; prior mean by default)."""
         z = np.asarray(z, dtype=float)
         nuisance = np.zeros(self.nuisance.factor.shape[1]) if nuisance is None else nuisance
         heights = self.nuisance.heights(nuisance)
         base = self.simulate(z, heights)
-        felt = np.inf
-        if response is None:
 
-            def simulate(pulses: list[np.ndarray]) -> list[np.ndarray]:
-                return self.simulate_all([(z, heights + one) for one in pulses])
+        def simulate(pulses: list[np.ndarray]) -> list[np.ndarray]:
+            return self.simulate_all([(z, heights + one) for one in pulses])
 
-            felt = lasting(self.nuisance, simulate, base, self.time, self.observed, self.floor)
-            response = responses(self.nuisance.shortened(felt), simulate, base, self.time)
+        felt = lasting(self.nuisance, simulate, base, self.time, self.observed, self.floor)
+        response = responses(self.nuisance.shortened(felt), simulate, base, self.time)
         return Linearisation(z, nuisance, heights, base, response, self.marginal(response), felt)
 
     def marginal(self, response: np.ndarray) -> Marginal:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -16,18 +15,6 @@ from diagnosis.gap.refit import Refit, Rivals
 from diagnosis.gap.stages import LEVEL, Stage
 
 Names = tuple[str, ...]
-
-
-class Judged(Protocol):
-    """A candidate (the last of the names) and its log evidence, as a refit has them."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the effects."""
-
-    @property
-    def evidence(self) -> float:
-        """Up to a constant that all have alike."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +71,7 @@ class Search:
     begin: np.ndarray | None = None
     refits: list[list[Refit]] = field(default_factory=list)
     settled: list[Refit] = field(default_factory=list)
-    tried: list[Sequence[Judged]] = field(default_factory=list)
+    tried: list[Sequence[Ranked]] = field(default_factory=list)
     compared: Rivals | None = None
     excluded: dict[str, str] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
@@ -249,7 +236,7 @@ def worth(
     after: Stage,
     *,
     base: Refit | None = None,
-    tried: Sequence[Judged] = (),
+    tried: Sequence[Ranked] = (),
     later: Collection[str] = (),
     excluded: Collection[str] = (),
 ) -> dict[str, float]:

@@ -22,7 +22,7 @@ from diagnosis.effects import Effect, clash, moved_in_time
 from diagnosis.fitting.gaussian import root
 from diagnosis.fitting.inputs import Cleared
 from diagnosis.fitting.linear import Linearisation, one_sided, principal, responses
-from diagnosis.fitting.nuisance import FIELDS, SPACING, Nuisance
+from diagnosis.fitting.nuisance import FIELDS, SPACING, Nuisance, pulses_between
 from diagnosis.fitting.problem import STEP, Problem
 from diagnosis.fitting.simulations import Outcome
 from diagnosis.recording import DAY, HOUR, Recording
@@ -82,16 +82,7 @@ def _meter(edges: np.ndarray, place: int, meter: Cleared, recording: Recording) 
     weights = (within == np.arange(count)[:, None]).astype(float)
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
     covariance = meter.covariance(weights)
-    return Nuisance(
-        column=np.full(count, place),
-        begin=edges[:-1],
-        end=edges[1:],
-        turns=np.zeros(count, dtype=bool),
-        recorded=np.ones(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=root(covariance + 1e-9 * covariance.max() * np.eye(count)),
-        followed=np.full(count, FOLLOWED),
-    )
+    return pulses_between(edges, place, root(covariance + 1e-9 * covariance.max() * np.eye(count)), FOLLOWED)
 
 
 def both(old: Nuisance, pulses: Nuisance) -> Nuisance:

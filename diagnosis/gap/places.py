@@ -16,7 +16,7 @@ import numpy as np
 
 from diagnosis.effects import Nothing
 from diagnosis.fitting.failures import FAILURES
-from diagnosis.fitting.nuisance import Nuisance
+from diagnosis.fitting.nuisance import pulses_between
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import felt
 from diagnosis.gap.stages import Stage
@@ -87,17 +87,7 @@ def _pulses(problem: Problem, z: np.ndarray, heights: np.ndarray, source: Source
     """Edges of pulses (pulses + 1,) [s] and the response to one unit of the source's input (outputs, steps, pulses)."""
     column = problem.system.input_names.index(source.input)
     edges = np.append(np.arange(problem.drive.start, problem.drive.stop - 1.0, PULSE), problem.drive.stop)
-    count = len(edges) - 1
-    pulses = Nuisance(
-        column=np.full(count, column),
-        begin=edges[:-1],
-        end=edges[1:],
-        turns=np.zeros(count, dtype=bool),
-        recorded=np.ones(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=np.eye(count),
-        followed=np.full(count, FOLLOWED),
-    )
+    pulses = pulses_between(edges, column, np.eye(len(edges) - 1), FOLLOWED)
     where, there = problem, z
     if source.parameters:
         where = problem.with_effects([*problem.effects, _Held(f"source {source.name}", held=source.parameters)])

@@ -212,7 +212,6 @@ class Scan:
     foremost: int | None
     cosines: np.ndarray
     p_value: float
-    misfit: float
     misfit_p: float
     threshold: np.ndarray
 
@@ -281,7 +280,6 @@ def scan(twins: Twins, effects: tuple[Effect, ...], misfit: float) -> Scan:
         foremost=int(np.argmax(beyond)) if largest > 0 else None,
         cosines=np.clip(left.information / np.outer(length, length), -1, 1),
         p_value=float(rank_p(np.array([largest]), most)[0]),
-        misfit=misfit,
         misfit_p=float(rank_p(np.array([misfit]), twins.misfits)[0]),
         threshold=max(_least_beyond(most), 1e-9) * unit,
     )

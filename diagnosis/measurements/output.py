@@ -322,7 +322,7 @@ class StretchReport(BaseModel, extra="forbid"):
 
 
 class ImportReport(Result, BaseModel, extra="forbid"):
-    """What :func:`diagnosis.measurements.import_recording` returns and ``diagnosis import --json`` prints.
+    """What :func:`diagnosis.import_recording` returns and ``diagnosis import --json`` prints.
 
     ``not_recorded`` are the variables that the recording lacks, ``lacking`` what that means for each kind of them.
     Outputs were ``measured`` for so many hours, and in each of the ``stretches`` for its share of them.

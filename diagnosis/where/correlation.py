@@ -213,6 +213,3 @@ def _finding(
         unit="1",
         t=float(t),
     )
-
-
-__all__ = ["CorrelationTest", "scan_correlations"]

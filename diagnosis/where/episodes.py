@@ -31,15 +31,10 @@ _SEEN = 0.5
 
 @dataclass(frozen=True)
 class EpisodeTest:
-    """Result of :func:`scan_episodes`; ``starts`` and ``stops`` are steps of the stretches, shape (stretches,).
-
-    The cells of ``test`` are laid out as (channels, statistics, stretches).
-    """
+    """Result of :func:`scan_episodes`. The cells of ``test`` are laid out as (channels, statistics, stretches)."""
 
     test: MaxTest
     channels: list[int]
-    starts: np.ndarray
-    stops: np.ndarray
     spans: list[tuple[float, float]]
     findings: list[Finding]
 
@@ -103,7 +98,7 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
             spans.append((float(first), float(last)))
         now = np.stack([_parts(left[j][None], starts, stops)[0] for j in channels])
         t, adjusted = test.restudentise(_apart(now, outside).ravel())
-    return EpisodeTest(test, channels, starts, stops, spans, found)
+    return EpisodeTest(test, channels, spans, found)
 
 
 def _apart(parts: np.ndarray, outside: np.ndarray) -> np.ndarray:
@@ -222,6 +217,3 @@ def period(begin: float, first: float, last: float, end: float) -> dict[str, str
     days = [(at - begin) / DAY for at in (first, last)]
     words = f"from day {days[0]:.2f} on" if last >= end else f"from day {days[0]:.2f} to day {days[1]:.2f}"
     return {"period": words, "first_s": f"{first:.0f}", "last_s": f"{last:.0f}"}
-
-
-__all__ = ["EpisodeTest", "period", "scan_episodes"]

@@ -28,7 +28,7 @@ import datagen
 import trainer
 from datagen.driving.inputs import build_inputs
 from diagnosis import diagnose
-from diagnosis.gap import Report
+from diagnosis.gap.schema import Report
 from fmus.build import write_zip
 from fmus.toolchain import BINARIES, compile_binary, native_platform
 from shared.numbers import chance

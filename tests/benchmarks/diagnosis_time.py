@@ -51,7 +51,7 @@ def diagnosed(
     system_path: str, path: Path, count: int, workers: int, out: Path, persons: str, replay: bool
 ) -> dict[str, object]:
     """One diagnosis with the first ``count`` candidates of every kind in turn: what it took and said."""
-    from diagnosis.gap import diagnose
+    from diagnosis.gap.diagnosed import diagnose
 
     system = load_system(system_path)
     kinds: dict[str, list[object]] = {}

@@ -34,7 +34,7 @@ def moved(system: System, path: Path, values: dict[str, float], *, replay: bool,
     finer = finer.with_experiment(step=record.step, hours=HOURS)
     common = {"occupancy": "measured", "replay": replay}
     problem = Problem(Simulator(system.with_experiment(step=record.step)), record, uncertain=free, **common)
-    truth = Problem(Simulator(finer), record, uncertain=False, **common)
+    truth = Problem(Simulator(finer), record, known=["constants"], **common)
     z = problem.unknowns(values)
     around = problem.linearise(z)
     gap = problem.standardised(truth.simulate(truth.unknowns(values)) - problem.simulate(z))

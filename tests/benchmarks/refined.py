@@ -93,7 +93,7 @@ def drawn(system: System, rng: np.random.Generator) -> dict[str, float]:
 def known_constants(system: System, record: Recording, begin: dict[str, float], noise: str) -> dict[str, float]:
     """Parameters that a fit ends at which begins at these and knows the constants."""
     simulator = Simulator(system.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR))
-    problem = Problem(simulator, record, noise=noise, occupancy="unknown", uncertain=False)
+    problem = Problem(simulator, record, noise=noise, occupancy="unknown", known=["constants"])
     values = problem.values(fit(problem, [problem.unknowns(begin)], estimate_noise=True).z).tolist()
     return dict(zip(begin, values[: len(begin)], strict=True))
 

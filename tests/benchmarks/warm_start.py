@@ -122,7 +122,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     def begin(limit: float = np.inf) -> Trace:
         # a plain misfit: no nuisance to integrate out, so that every method minimises the same
         counted = Counted(simulator)
-        bare = Problem(simulator, record, occupancy="measured", uncertain=False, history=False, runner=counted)
+        bare = Problem(simulator, record, occupancy="measured", known=["constants", "history"], runner=counted)
         bare.nuisance = bare.nuisance.only(np.zeros(bare.nuisance.size, dtype=bool))
         return Trace(bare, counted, bare.unknowns(values), limit)
 

@@ -12,7 +12,7 @@ import xarray as xr
 from diagnosis.blind.sealed import open_answers, read_manifest
 from diagnosis.blind.truth import load_truth
 from diagnosis.blind.verdicts import read_outcome, read_run
-from diagnosis.measurements import import_recording
+from diagnosis.measurements.importer import import_recording
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
 from shared.netcdf import read_netcdf

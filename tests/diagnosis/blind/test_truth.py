@@ -151,13 +151,14 @@ def test_hour_by_hour_is_the_same_as_in_one_go(room, values):
         kind="occupant", room="TRoo", outdoor="TDryBul", presence="nPer", offset=-1e6, indoors=0.0, outdoors=0.0,
         cold=293.0, forgets=0.0,
     )  # fmt: skip
-    span = {"begin": 0.0, "start": DAY, "stop": 4 * DAY, "step": 600.0, "tolerance": 1e-9}
+    span = {"begin": 0.0, "stop": 4 * DAY, "step": 600.0, "tolerance": 1e-9}
     window = ("yWin", "TRoo", Window(process, table, np.random.default_rng(0)))
     whole, cut = live(room, values, table, **span), live(room, values, table, **span, window=window)
     np.testing.assert_allclose(cut.time, whole.time)
-    np.testing.assert_allclose(cut.outputs[0], whole.outputs[0], atol=2e-4)
-    np.testing.assert_allclose(cut.outputs[1], whole.outputs[1], atol=0.02)
-    np.testing.assert_allclose(cut.states["facade.T[1]"], whole.states["facade.T[1]"], atol=2e-4)
+    late = whole.time > DAY
+    np.testing.assert_allclose(cut.outputs[0, late], whole.outputs[0, late], atol=2e-4)
+    np.testing.assert_allclose(cut.outputs[1, late], whole.outputs[1, late], atol=0.02)
+    np.testing.assert_allclose(cut.states["facade.T[1]"][late], whole.states["facade.T[1]"][late], atol=2e-4)
 
 
 def test_occupant_opens_when_it_is_warm_and_leaves_it_closed_when_nobody_is_there():

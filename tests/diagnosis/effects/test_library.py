@@ -68,7 +68,7 @@ def acting(what, value):
 
 
 def simulated(warm, effects, amplitudes):
-    problem = Problem(*warm, effects=effects, occupancy="measured", uncertain=False, warm_up=3600.0)
+    problem = Problem(*warm, occupancy="measured", known=["constants"], warm_up=3600.0).with_effects(effects)
     return problem.simulate(problem.unknowns(dict(zip([one.name for one in effects], amplitudes, strict=True))))
 
 

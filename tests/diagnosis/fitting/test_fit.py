@@ -33,7 +33,7 @@ WARM = {"warm_up": WARM_UP * HOUR}
 def test_slope_is_the_difference_of_determinants(house, house_recording):
     system = house("me")
     record = read_recording(house_recording(hours=48, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", history=False, **WARM)
+    problem = Problem(Simulator(system), record, occupancy="unknown", known=["history"], **WARM)
     problem = problem.with_nuisance(problem.nuisance.only(~problem.nuisance.turns))
     z = problem.unknowns({"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5})
     around = problem.linearise(z)
@@ -59,7 +59,7 @@ def test_persons_that_were_counted_count_too(house, house_recording, every):
     """
     system = house("me")
     record = read_recording(house_recording(hours=48), system)
-    problem = Problem(Simulator(system), record, history=False, **WARM)
+    problem = Problem(Simulator(system), record, known=["history"], **WARM)
     problem = problem.with_nuisance(problem.nuisance.only(np.arange(problem.nuisance.size) % every == 0))
     around = problem.linearise(np.zeros(problem.size))
     rows, unknowns = around.marginal.by_unknown.shape
@@ -158,7 +158,7 @@ def test_a_house_is_recovered(house, house_recording, kind, hours, least):
     """The recording is made by another program, the exact recursion; both kinds of FMU find its parameters."""
     system = house(kind)
     record = read_recording(house_recording(hours=hours), system)
-    found = fit(Problem(Simulator(system), record, history=False, **WARM))
+    found = fit(Problem(Simulator(system), record, known=["history"], **WARM))
     assert found.converged
     error = (found.z - found.problem.unknowns(TRUTH)) / found.sd
     assert np.abs(error).max() < 3.5
@@ -177,7 +177,7 @@ def test_the_posterior_is_that_of_a_grid(house, house_recording):
     alone = system.model_copy(
         update={"parameters": [free], "fixed": {**system.fixed, **{one.name: TRUTH[one.name] for one in others}}}
     )
-    problem = Problem(Simulator(alone), record, noise=np.array([0.3]), history=False, **WARM)
+    problem = Problem(Simulator(alone), record, noise=np.array([0.3]), known=["history"], **WARM)
     problem = problem.with_nuisance(problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool)))
     found = fit(problem)
     grid = np.linspace(-3, 3, 301)
@@ -211,7 +211,8 @@ def test_an_effect_joins_the_unknowns(house, house_recording):
     system = house("me")
     record = read_recording(house_recording(hours=120), system)
     record.outputs[0] += 0.4 * (record.time > record.time.mean())
-    problem = Problem(Simulator(system), record, history=False, **WARM, effects=[Jump("bias", "degC", scale=0.5)])
+    problem = Problem(Simulator(system), record, known=["history"], **WARM)
+    problem = problem.with_effects([Jump("bias", "degC", scale=0.5)])
     assert problem.names[-1] == "bias"
     found = fit(problem)
     assert abs(problem.values(found.z)[-1] - 0.4) < 3.5 * 0.5 * found.sd[-1]
@@ -226,13 +227,13 @@ def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, house_recordi
     record = read_recording(house_recording(hours=120), system)
     record.outputs[0] += 0.4
     bias = Bias("bias", "degC", scale=0.5)
-    found = fit(Problem(Simulator(system), record, history=False, **WARM, effects=[bias]))
-    assert abs(found.correlation[-1, 0]) > 0.97
+    found = fit(Problem(Simulator(system), record, known=["history"], **WARM).with_effects([bias]))
+    assert abs(found.covariance[-1, 0]) > 0.97 * found.sd[-1] * found.sd[0]
     assert found.sd[-1] > 0.4
     assert abs(found.z[-1] - 0.4 / 0.5) < 3 * found.sd[-1]
     rest = [one for one in system.parameters if one.name != "ro"]
     known = system.model_copy(update={"parameters": rest, "fixed": {**system.fixed, "ro": TRUTH["ro"]}})
-    sure = fit(Problem(Simulator(known), record, history=False, **WARM, effects=[bias]))
+    sure = fit(Problem(Simulator(known), record, known=["history"], **WARM).with_effects([bias]))
     assert sure.sd[-1] < 0.2
     assert abs(sure.z[-1] - 0.4 / 0.5) < 3.5 * sure.sd[-1]
 
@@ -240,7 +241,7 @@ def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, house_recordi
 def test_held_out_readings_do_not_count(house, house_recording):
     system = house("me")
     record = read_recording(house_recording(hours=96), system)
-    problem = Problem(Simulator(system), record, history=False, **WARM)
+    problem = Problem(Simulator(system), record, known=["history"], **WARM)
     half = np.zeros(problem.observed.shape, dtype=bool)
     half[:, :48] = True
     damaged = problem.with_measured(np.where(half, problem.measured, 1e6)).with_observed(half)
@@ -254,7 +255,7 @@ def test_bounds_are_flagged(house, house_recording):
     """A house with four times the glass that the range allows."""
     system = house("me")
     record = read_recording(house_recording(hours=72, values={"a": 20.0}), system)
-    assert "a" in fit(Problem(Simulator(system), record, history=False, **WARM)).at_bound
+    assert "a" in fit(Problem(Simulator(system), record, known=["history"], **WARM)).at_bound
 
 
 @pytest.mark.slow
@@ -282,7 +283,7 @@ def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
 def test_a_start_that_cannot_be_simulated_is_left_for_another(house, house_recording, monkeypatch, first):
     """Its derivatives cannot either: what a solver asks for before its first step."""
     system = house("me")
-    problem = Problem(Simulator(system), read_recording(house_recording(hours=48), system), history=False, **WARM)
+    problem = Problem(Simulator(system), read_recording(house_recording(hours=48), system), known=["history"], **WARM)
     place = problem.names.index("c")
     bad = problem.unknowns(TRUTH)
     bad[place] += 2.0

@@ -70,7 +70,7 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
     """This house forgets by a factor of 50 in half a day; pulses that turn are followed as long, others twice that."""
     system = house("me")
     record = read_recording(house_recording(hours=96, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", history=False, warm_up=WARM_UP * HOUR)
+    problem = Problem(Simulator(system), record, occupancy="unknown", known=["history"], warm_up=WARM_UP * HOUR)
     z = problem.unknowns({"ro": 2.5, "ri": 0.6, "c": 1.2, "a": 2.5})  # forgets within 3 h
     base = problem.simulate(z)
 
@@ -89,7 +89,7 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
 def test_changes_within_steps_are_followed_as_long_as_a_house_remembers_them(house, house_recording, hours):
     system = house("me")
     record = read_recording(house_recording(hours=240), system)
-    problem = Problem(Simulator(system), record, replay=True, history=False, warm_up=WARM_UP * HOUR)
+    problem = Problem(Simulator(system), record, replay=True, known=["history"], warm_up=WARM_UP * HOUR)
     assert problem.nuisance.turns.all()
     z = problem.unknowns({"ro": FORGETS[hours][0], "c": FORGETS[hours][1], "ri": 0.6, "a": 2.5})
     around = problem.linearise(z)

@@ -67,7 +67,7 @@ def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recor
 
     system = house("me")
     record = read_recording(house_recording(hours=72, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", history=False)
+    problem = Problem(Simulator(system), record, occupancy="unknown", known=["history"])
     nuisance = problem.nuisance
     nuisance = nuisance.only(~nuisance.turns)  # persons, not when the heater was on within its hours
     rng = np.random.default_rng(0)

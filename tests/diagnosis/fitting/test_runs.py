@@ -62,7 +62,7 @@ def test_finer_walls_do_not_bend_the_parameters(room, simulator, replay, tmp_pat
     data = simulate(room, seed=4000, index=5, out=path)
     record = read_recording(path, room)
     walls = load_truth(default_truth(room), room).described(room).with_experiment(step=record.step, hours=168.0)
-    truth = Problem(Simulator(walls), record, occupancy="measured", replay=replay, uncertain=False)
+    truth = Problem(Simulator(walls), record, occupancy="measured", replay=replay, known=["constants"])
     values = {name: float(data[name]) for name in room.parameter_names}
     finer = truth.simulate(truth.unknowns(values))
     off = {}
@@ -112,8 +112,8 @@ def moved(problem, effect, z, heights):
 def test_who_was_not_counted_acts_as_if_counted(warm, name):
     simulator, recording = warm
     effect = effects(simulator.system)[name]
-    known = Problem(simulator, recording, occupancy="measured", uncertain=False, warm_up=HALF_HOUR)
-    unknown = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR)
+    known = Problem(simulator, recording, occupancy="measured", known=["constants"], warm_up=HALF_HOUR)
+    unknown = Problem(simulator, recording, occupancy="unknown", known=["constants"], warm_up=HALF_HOUR)
     late = recording.time > recording.start + FORGOTTEN
     wanted = moved(known, effect, np.zeros(known.size), known.nuisance.mean)[:2, late]
     found = moved(unknown, effect, *as_counted(unknown, recording, 7.0))[:2, late]
@@ -125,7 +125,7 @@ def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):
     """At an amplitude that is not zero, what one more person does is what both runs with the window say."""
     simulator, recording = warm
     effect = effects(simulator.system)["window.warm"]
-    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=HALF_HOUR, effects=[effect])
+    problem = Problem(simulator, recording, occupancy="unknown", known=["constants"], warm_up=HALF_HOUR, effects=[effect])
     z, heights = as_counted(problem.with_effects([]), recording, 7.0)
     z = np.insert(z, len(problem.system.parameters), 2.0)
     problem = problem.with_nuisance(problem.nuisance.only(problem.nuisance.begin < recording.start + 86400.0))

@@ -211,7 +211,7 @@ def test_the_same_outputs_wherever_they_are_simulated(house, house_recording):
     cases = [(np.full(4, z), None) for z in (-1.0, 1.0)]
 
     def outputs(runner):
-        problem = Problem(simulator, record, history=False, runner=runner)
+        problem = Problem(simulator, record, known=["history"], runner=runner)
         return np.stack(problem.simulate_all([(z, problem.nuisance.mean) for z, _ in cases]))
 
     with side_by_side(simulator) as runner:

@@ -31,7 +31,7 @@ DRAWS = 600
 def unread(tmp_path_factory):
     """Four days of the default room, and persons (draws, half hours) from before any reading."""
     simulator, recording = warm_room(tmp_path_factory.mktemp("warm") / "room.nc")
-    problem = Problem(simulator, recording, occupancy="unknown", uncertain=False, warm_up=86400.0)
+    problem = Problem(simulator, recording, occupancy="unknown", known=["constants"], warm_up=86400.0)
     found = from_the_prior(problem, DRAWS, np.random.default_rng(3))
     nuisance = problem.nuisance
     return problem, found, np.array([nuisance.heights(one) for one in found])[:, nuisance.guessed]

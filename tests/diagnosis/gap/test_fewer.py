@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagnosis.gap import diagnose
+from diagnosis.gap.diagnosed import diagnose
 from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, drifting
 

@@ -6,8 +6,9 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from diagnosis.gap import Report, diagnose
+from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.page import LINES, render
+from diagnosis.gap.schema import Report
 from diagnosis.recording import read_recording
 from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, changed

@@ -10,9 +10,10 @@ from datagen import simulate
 from diagnosis.cli import app
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap import Report, diagnose
+from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.limits import ends_left_out, limits, noiseless, strained
 from diagnosis.gap.linear import applicable
+from diagnosis.gap.schema import Report
 from diagnosis.gap.sentences import summary
 from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.fitting.crowd_cases import on_persons, warm_room

@@ -30,7 +30,7 @@ def before_and_after(name, folder, **experiment):
     system = load_system(ROOT / "fmus" / "MixedAirCO2" / name).with_experiment(hours=HOURS, **experiment)
     path = folder / "recording.nc"
     simulate(system, hours=HOURS, seed=1, index=0, out=path)
-    base = fit(Problem(Simulator(system), read_recording(path, system), replay=True, warm_up=24 * HOUR), rounds=0)
+    base = fit(Problem(Simulator(system), read_recording(path, system), replay=True, warm_up=24 * HOUR), rounds=1)
     return base.problem, widened(base.problem, base.around)[0]
 
 

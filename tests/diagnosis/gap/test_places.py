@@ -6,7 +6,8 @@ import xarray as xr
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap import diagnose, diagnosed
+from diagnosis.gap import diagnosed
+from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.places import labels_of, operators
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError, SystemDescriptionError

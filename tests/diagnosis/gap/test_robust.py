@@ -8,7 +8,8 @@ import pytest
 
 from diagnosis.effects import Nothing
 from diagnosis.fitting.simulations import InProcess
-from diagnosis.gap import diagnose, diagnosed
+from diagnosis.gap import diagnosed
+from diagnosis.gap.diagnosed import diagnose
 from shared.errors import SimulationError
 from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, drifting

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagnosis.measurements import import_recording
+from diagnosis.measurements.importer import import_recording
 from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING
 
 

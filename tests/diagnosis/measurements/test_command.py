@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from diagnosis import residuals
-from diagnosis.measurements import import_recording
 from diagnosis.measurements.command import import_
+from diagnosis.measurements.importer import import_recording
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, new_app, start
 from shared.system import load_system

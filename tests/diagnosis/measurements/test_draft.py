@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from diagnosis.measurements import import_recording
 from diagnosis.measurements.command import import_
 from diagnosis.measurements.draft import draft_mapping
+from diagnosis.measurements.importer import import_recording
 from shared.console import FAULT, OK, new_app, start
 from shared.errors import RecordingError
 from tests.diagnosis.measurements.house_cases import HOUSE, measured

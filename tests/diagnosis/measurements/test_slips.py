@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from diagnosis.measurements import import_recording
+from diagnosis.measurements.importer import import_recording
 from shared.errors import RecordingError
 from tests.diagnosis.measurements.house_cases import HOURLY, HOUSE, MAPPING, measured
 
