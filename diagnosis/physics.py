@@ -365,8 +365,8 @@ def _still(one: Output, seen: np.ndarray) -> Iterator[Finding]:
     yield Finding("unit", (one.name,), spread, one.unit, sentence, _unit_of(one.name), strong=False)
 
 
-def _unit_of(name: str, also: str = "") -> str:
-    return f"Is the unit right? Then leave it; else write the column's own unit under [variables.{name}]{also}."
+def _unit_of(name: str) -> str:
+    return f"Is the unit right? Then leave it; else write the column's own unit under [variables.{name}]."
 
 
 def _too_large(one: Input | Output, values: np.ndarray, system: System) -> Iterator[Finding]:

@@ -29,22 +29,18 @@ class Score(BaseModel):
     nmbe: float | None
 
 
-def shares(
-    measured: np.ndarray, residual: np.ndarray, unit: str, fitted: int = 1
-) -> tuple[float, float] | tuple[None, None]:
-    """CVRMSE = sqrt(sum r^2 / (n - p)) / mean, NMBE = sum r / ((n - p) mean), r measured minus simulated.
+def shares(measured: np.ndarray, residual: np.ndarray, unit: str) -> tuple[float, float] | tuple[None, None]:
+    """CVRMSE = sqrt(sum r^2 / (n - 1)) / mean, NMBE = sum r / ((n - 1) mean), r measured minus simulated.
 
     Definitions of ASHRAE Guideline 14. A temperature has none: in kelvin 30 % is 90 K, in Celsius it depends on where
-    zero was put. Nor has what is zero on average, or was read no more than ``fitted`` times.
+    zero was put. Nor has what is zero on average, or was read once.
 
     Parameters
     ----------
     measured, residual
         Shape (n,) [unit].
-    fitted
-        Parameters fitted to the data, p; the guideline takes 1 for calibrated simulations.
     """
-    count = len(measured) - fitted
+    count = len(measured) - 1
     mean = abs(float(measured.mean())) if count > 0 else 0.0
     # the zero of a temperature is arbitrary or far away: a share of its mean says nothing
     if spelled(unit) in TEMPERATURES or mean == 0:

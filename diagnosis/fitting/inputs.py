@@ -498,7 +498,7 @@ def _joined(parts: Sequence[Nuisance]) -> Nuisance:
 
 
 def nuisance_of(
-    system: System, recording: Recording, driven: Drive, *, occupancy: str, seed: int = 0
+    system: System, recording: Recording, driven: Drive, *, occupancy: str
 ) -> tuple[Nuisance, dict[str, Piecewise]]:
     """The nuisance of a recording, and the signals that stand in for what it describes.
 
@@ -515,7 +515,7 @@ def nuisance_of(
     parts, signals = [], {}
     for place, one in enumerate(system.inputs):
         if one.source == "occupancy" and occupancy == "unknown":
-            part, signals[one.name] = _unknown_occupancy(system, place, driven, seed)
+            part, signals[one.name] = _unknown_occupancy(system, place, driven)
         elif one.source == "measured" and one.name not in recording.inputs and not driven.replayed:
             continue
         else:
@@ -557,13 +557,13 @@ class Courses:
     known: Piecewise
 
 
-def courses(system: System, driven: Drive, seed: int = 0) -> Courses:
-    """Draw courses of the persons that nobody counted; the same ones for the same seed."""
+def courses(system: System, driven: Drive) -> Courses:
+    """Courses of the persons that nobody counted: always the same draws."""
     assert system.occupancy is not None
     back = round((driven.start - driven.begin) / PULSE)
     count = int(np.ceil((driven.stop - driven.start) / PULSE - 1e-9))
     edges = driven.start + PULSE * np.arange(-back, count + 1)
-    draws = occupancy_prior(system.occupancy, edges, DRAWS, seed)
+    draws = occupancy_prior(system.occupancy, edges, DRAWS, seed=0)
     level = draws.mean(axis=1)
     draws, level = draws[level > 0], level[level > 0]  # rooms that nobody uses have no level
     level = level / level.mean()
@@ -594,9 +594,9 @@ def courses(system: System, driven: Drive, seed: int = 0) -> Courses:
     )
 
 
-def _unknown_occupancy(system: System, place: int, driven: Drive, seed: int) -> tuple[Nuisance, Piecewise]:
+def _unknown_occupancy(system: System, place: int, driven: Drive) -> tuple[Nuisance, Piecewise]:
     """Half-hourly persons in the recording and their means before it; the signal holds the usual day before it."""
-    found = courses(system, driven, seed)
+    found = courses(system, driven)
     covariance = np.atleast_2d(np.cov(found.heights, rowvar=False))
     variance = np.diag(covariance)[: found.recorded]
     rare = np.maximum(LEAST_PERSONS**2 * variance.max(initial=0.0) - variance, 0.0)

@@ -274,14 +274,14 @@ def _steps(record: Recording, hours: float) -> int:
     return round(steps)
 
 
-def band(draws: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the interval that holds a further draw with probability ``level``, from draws (draws, ...).
+def band(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the interval that holds a further draw with probability LEVEL, from draws (draws, ...).
 
     A further draw lies below the k-th smallest of n with probability k / (n + 1) (Weibull's plotting position); the
     usual interpolation, k / (n - 1), would make the band of 20 draws one of 81 %. What so few draws cannot tell (below
     2 / (n + 1) outside) ends at the outermost ones.
     """
-    low, high = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0, method="weibull")
+    low, high = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0, method="weibull")
     return low, high
 
 

@@ -69,7 +69,6 @@ def settled(
     size: np.ndarray,
     colours: dict[int, Colour] | None = None,
     renewals: int = RENEWALS,
-    every: np.ndarray | None = None,
 ) -> Refit:
     """The optimum of a problem's unknowns with the colour of the noise and all nuisances, linearised where it is.
 
@@ -83,14 +82,11 @@ def settled(
         Standard deviation of one reading's error, shape (outputs,) [unit of each].
     colours
         By channel; estimated at the first renewal if not given.
-    every
-        All readings, which together say what the nuisance was; those that count if not given.
     """
-    every = observed if every is None else every
     first = linearised(problem, z, around)
     grams = Grams(first, observed)
     try:
-        lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, every)
+        lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, observed)
     except FAILURES:  # what is likely on the straight line may be nothing that the model can be run with
         lin = first
     grams = Grams(lin, observed)
@@ -102,7 +98,7 @@ def settled(
         for share in SHARES:
             there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
             try:
-                lin = relinearised(moved.grams if share == 1.0 else grams, used, there, every)
+                lin = relinearised(moved.grams if share == 1.0 else grams, used, there, observed)
             except FAILURES:
                 continue
             found = Grams(lin, observed)
@@ -118,7 +114,7 @@ def settled(
     return refit(grams, used, grams.lin.z, (), steps=0)
 
 
-def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colour], renewals: int = RENEWALS) -> Refit:
+def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colour]) -> Refit:
     """The optimum of the unknowns given some of the readings, from a fit to all of them.
 
     The evidence, by which :func:`settled` judges a move, has the unknowns integrated out and hardly depends on where
@@ -134,8 +130,6 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
         Readings that are fitted, shape (outputs, steps).
     colours
         By channel.
-    renewals
-        The line is drawn anew so often at most.
 
     Raises
     ------
@@ -144,7 +138,7 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
     """
     here = Grams(replace(drawn, by_effect=drawn.by_effect[..., :0], effects=()), observed)
     moved = refit(here, colours, here.lin.z, ())
-    for k in range(renewals):
+    for k in range(RENEWALS):
         way, before = moved.lin.z - here.lin.z, misfit(here, colours)
         if k > 0 and np.all(np.abs(way) < NEAR * moved.sd):
             break

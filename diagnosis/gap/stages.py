@@ -10,7 +10,7 @@ from diagnosis.gap.grams import Colour, Colours, Grams, discrepancy, estimated_c
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.scan import LEVEL as LEVEL
 from diagnosis.gap.scan import Episode, Scan, largest_episode, scan
-from diagnosis.gap.twins import TWINS, Twins, draw_twins
+from diagnosis.gap.twins import Twins, draw_twins
 
 STRONG = 3.0
 """Log Bayes factor that Kass and Raftery (1995, Journal of the American Statistical Association 90:773) call strong."""
@@ -75,7 +75,7 @@ class Stage:
         return max(self.slow, self.episode.gain if self.episode is not None else 0.0)
 
 
-def examine(lin: Linearised, observed: np.ndarray, *, twins: int = TWINS, seed: int = 0) -> Stage:
+def examine(lin: Linearised, observed: np.ndarray, *, seed: int = 0) -> Stage:
     """Examine a linearised fit.
 
     Parameters
@@ -85,7 +85,7 @@ def examine(lin: Linearised, observed: np.ndarray, *, twins: int = TWINS, seed: 
     """
     grams, size = Grams(lin, observed), lin.problem.floor
     colours = estimated_colours(grams, size)
-    drawn = draw_twins(grams, colours, twins, seed)
+    drawn = draw_twins(grams, colours, seed=seed)
     slow, discrepant = discrepancy(grams, colours, size)
     found = scan(drawn, lin.effects, drawn.left.square)
     episode = largest_episode(grams, colours, drawn)

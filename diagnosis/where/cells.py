@@ -24,10 +24,7 @@ _RARE = 0.02
 
 @dataclass(frozen=True)
 class Regime:
-    """A state: what a reader calls it, the rule it follows, and when it holds.
-
-    ``mask`` has shape (steps,), or (B + 1, steps) when every twin has its own.
-    """
+    """A state: what a reader calls it, the rule it follows, and when it holds: ``mask`` (steps,)."""
 
     label: str
     rule: str
@@ -50,18 +47,16 @@ def find_regimes(system: System, inputs: Mapping[str, np.ndarray], simulated: np
     inputs
         Recorded inputs by name, each (steps,); those that were not recorded are left out.
     simulated
-        Outputs of the calibrated model, shape (outputs, steps); or (B + 1, outputs, steps) with each twin's own,
-        the recording's first.
+        Outputs of the calibrated model, shape (outputs, steps).
     """
     found: list[Regime] = []
     for one in system.inputs:
         if one.name in inputs and np.isfinite(inputs[one.name]).all():
             found += _of_input(one.source, getattr(one, "column", ""), one.name, one.unit, inputs[one.name])
-    for k, output in enumerate(system.outputs):
-        series = simulated[..., k, :]
+    for output, series in zip(system.outputs, simulated, strict=True):
         if np.isfinite(series).all():
             found += _of_output(output, series)
-    return [r for r in found if _RARE <= np.atleast_2d(r.mask)[0].mean() <= 1 - _RARE]
+    return [r for r in found if _RARE <= r.mask.mean() <= 1 - _RARE]
 
 
 def _of_input(source: str, column: str, name: str, unit: str, series: np.ndarray) -> list[Regime]:
@@ -97,27 +92,23 @@ def _of_input(source: str, column: str, name: str, unit: str, series: np.ndarray
 def _of_output(output: Output, series: np.ndarray) -> list[Regime]:
     """An actuator dwells on its bounds: at rest, working, saturated. A state does not: its upper quarter."""
     label, unit, close = output.long_name or output.name, output.unit, 3 * output.accuracy
-    low, high = series.min(axis=-1, keepdims=True), series.max(axis=-1, keepdims=True)
+    low, high = float(series.min()), float(series.max())
     at_low, at_high = series <= low + close, series >= high - close
-    wide = bool(np.ravel(high - low)[0] > 10 * close)
+    wide = high - low > 10 * close
     found = []
-    if wide and np.atleast_2d(at_low)[0].mean() >= 5 * _AT_BOUND:
-        found.append(Regime(f"{label} above its minimum", _above(output.name, _first(low + close), unit), ~at_low))
+    if wide and at_low.mean() >= 5 * _AT_BOUND:
+        found.append(Regime(f"{label} above its minimum", _above(output.name, low + close, unit), ~at_low))
     else:
-        threshold = np.quantile(series, 0.75, axis=-1, keepdims=True)
-        found.append(Regime(f"{label} high", _above(output.name, _first(threshold), unit), series > threshold))
-    if wide and np.atleast_2d(at_high)[0].mean() >= _AT_BOUND:
-        found.append(Regime(f"{label} at its maximum", _above(output.name, _first(high - close), unit), at_high))
+        threshold = float(np.quantile(series, 0.75))
+        found.append(Regime(f"{label} high", _above(output.name, threshold, unit), series > threshold))
+    if wide and at_high.mean() >= _AT_BOUND:
+        found.append(Regime(f"{label} at its maximum", _above(output.name, high - close, unit), at_high))
     return found
 
 
 def _warmth(value: float, unit: str) -> str:
     """A temperature as people say it: its coldest quarter may be warm."""
     return f"{value - ZERO_CELSIUS:.1f} degC" if spelled(unit) == "K" else f"{value:.1f} {unit}"
-
-
-def _first(values: np.ndarray) -> float:
-    return float(np.ravel(values)[0])
 
 
 def _above(name: str, threshold: float, unit: str) -> str:
@@ -305,26 +296,19 @@ def _floor(values: np.ndarray) -> float:
     return float((_FLOOR * np.nanstd(values)) ** 2) or np.finfo(float).tiny
 
 
-def _row(mask: np.ndarray, row: int) -> np.ndarray:
-    return mask if mask.ndim == 1 else mask[row]
-
-
 def _statistics(
     values: np.ndarray, states: Sequence[Regime], holds: np.ndarray, step: float, floor: float
 ) -> np.ndarray:
     """Means and cube roots of variances (rows, bands, 2, regimes, windows) of one channel's rows (rows, steps)."""
     seen = np.isfinite(values)
     inside = holds.T.astype(float)
-    counts = np.stack(
-        [(seen & s.mask[: len(values)] if s.mask.ndim == 2 else seen & s.mask) @ inside for s in states], 1
-    )
+    counts = np.stack([(seen & state.mask) @ inside for state in states], 1)
     parts = split(values, step)
     found = np.full((len(values), len(parts), len(STATISTICS), len(states), len(holds)), np.nan)
     for b, part in enumerate(parts.values()):
         filled = np.where(seen, part, 0.0)
         for r, state in enumerate(states):
-            mask = state.mask if state.mask.ndim == 1 else state.mask[: len(values)]
-            kept = filled * mask
+            kept = filled * state.mask
             with np.errstate(invalid="ignore", divide="ignore"):
                 mean = (kept @ inside) / counts[:, r]
                 variance = (kept * filled) @ inside / counts[:, r] - mean**2
@@ -338,7 +322,7 @@ def _tested(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which (regimes, windows) are tested, and the index of the one that stands for each."""
     seen = np.isfinite(observed)
-    masks = (np.stack([_row(s.mask, 0) for s in states])[:, None] & holds & seen).reshape(-1, len(seen))
+    masks = (np.stack([state.mask for state in states])[:, None] & holds & seen).reshape(-1, len(seen))
     number = np.unique(day, return_inverse=True)[1]
     days = np.eye(number.max() + 1)[number]
     enough = (masks @ days > 0).sum(axis=1) >= _DAYS
@@ -353,7 +337,7 @@ def _share(observed: np.ndarray, states: Sequence[Regime], holds: np.ndarray, st
     seen = np.isfinite(observed)
     shares = []
     for state in states:
-        masks = holds & _row(state.mask, 0) & seen
+        masks = holds & state.mask & seen
         parts = split(np.where(seen, masks.astype(float), np.nan), step)
         count = np.maximum(masks.sum(axis=1), 1)
         shares.append([np.where(masks, part, 0.0).sum(axis=1) / count for part in parts.values()])
@@ -368,9 +352,8 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
     again, in whatever band: of an excess that is no offset something is left.
     """
     floors = [_floor(residuals.stacked[:, k]) for k in cells.channels]
-    states = [Regime(r.label, r.rule, np.atleast_2d(r.mask)[:1]) for r in cells.regimes]
     seen = np.isfinite(residuals.stacked[0])
-    masks = [np.stack([one.mask[0] & holds for one in states]) & seen[k] for k in cells.channels]
+    masks = [np.stack([one.mask & holds for one in cells.regimes]) & seen[k] for k in cells.channels]
     statistics = np.where(cells.test.kept, cells.test.observed, np.nan)
     t, adjusted = cells.test.t, cells.test.adjusted
     open_ = np.ones((cells.shape[0], *cells.shape[3:]), dtype=bool)
@@ -400,7 +383,7 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
         if said is not None:
             found.append(_finding(residuals, cells, top, *said))
         block = statistics.reshape(cells.shape)
-        block[c] = _statistics(taken[c].left[None], states, holds, residuals.step, floors[c])[0]
+        block[c] = _statistics(taken[c].left[None], cells.regimes, holds, residuals.step, floors[c])[0]
         statistics = np.where(cells.test.kept, block.ravel(), np.nan)
         t, adjusted = cells.test.restudentise(statistics)
     return found

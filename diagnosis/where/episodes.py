@@ -22,6 +22,8 @@ _SAME = 0.5
 """Stretches that share this part of the shorter one are the same."""
 MOST_EDGES = 400
 """In how many parts a stretch is looked at more closely at most: their number squared is looked at."""
+MOST = 5
+"""Stretches that are named at most."""
 _ROUNDS = 2
 """Times as many stretches are looked at as are named at most: of some nothing is said."""
 REST = "than in the rest of the recording"
@@ -39,7 +41,7 @@ class EpisodeTest:
     findings: list[Finding]
 
 
-def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -> EpisodeTest:
+def scan_episodes(residuals: Residuals, *, alpha: float = 0.05) -> EpisodeTest:
     """Test every stretch's mean and variance against the rest of the record; one p-value for all.
 
     Of variances only larger ones count, as in cells: than the rest's, and than what the rest of recordings has usually.
@@ -67,9 +69,9 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05, most: int = 5) -
     found: list[Finding] = []
     spans: list[tuple[float, float]] = []
     open_ = np.ones(shape, bool)
-    for _ in range(_ROUNDS * most):
+    for _ in range(_ROUNDS * MOST):
         size = np.where(test.kept & (open_ & _is_odd(now, usual)).ravel() & (adjusted <= alpha), np.abs(t), -np.inf)
-        if len(found) == most or not np.isfinite(size).any():
+        if len(found) == MOST or not np.isfinite(size).any():
             break
         means = np.where(np.arange(size.size) // shape[2] % 2 == 0, size, -np.inf)
         top = int(np.argmax(means if np.isfinite(means).any() else size))

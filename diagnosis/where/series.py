@@ -124,7 +124,6 @@ class Whitened:
     colours: list[np.ndarray]
     scales: list[float]
     blank: np.ndarray
-    nuisance: np.ndarray | None
 
     def response(self, responses: np.ndarray) -> np.ndarray:
         """Responses (outputs, steps, columns) as the same linear map makes them, shape (readings, columns)."""
@@ -132,20 +131,11 @@ class Whitened:
         for k, colour, scale in zip(self.channels, self.colours, self.scales, strict=True):
             series = np.where(self.blank[k], np.nan, responses[k].T)
             parts.append((whiten(fill(series), colour) / scale)[:, _used(self.blank[k], colour)])
-        found = np.concatenate(parts, axis=1)
-        return _without(found, self.nuisance).T
+        return np.concatenate(parts, axis=1).T
 
 
-def whitened(residuals: Residuals, nuisance: np.ndarray | None = None) -> Whitened:
-    """Prewhiten recording and twins alike.
-
-    Parameters
-    ----------
-    nuisance
-        Responses of the outputs to whatever calibration may choose (parameters, initial state), shape
-        (outputs, steps, columns): what they can imitate is taken out of residuals and responses, because a refit
-        would have taken it out of the former only.
-    """
+def whitened(residuals: Residuals) -> Whitened:
+    """Prewhiten recording and twins alike."""
     stack = residuals.stacked
     channels, colours, scales, parts = [], [], [], []
     blank = ~np.isfinite(residuals.observed)
@@ -159,22 +149,11 @@ def whitened(residuals: Residuals, nuisance: np.ndarray | None = None) -> Whiten
             colours.append(colour)
             scales.append(scale)
             parts.append(part / scale)
-    bare = Whitened(np.concatenate(parts, axis=1), channels, colours, scales, blank, None)
-    if nuisance is None:
-        return bare
-    columns = bare.response(nuisance)
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    left, strength, _ = np.linalg.svd(columns, full_matrices=False)
-    basis = left[:, strength > 1e-8 * strength[0]].T
-    return Whitened(_without(bare.rows, basis), channels, colours, scales, blank, basis)
+    return Whitened(np.concatenate(parts, axis=1), channels, colours, scales, blank)
 
 
 def _used(blank: np.ndarray, colour: np.ndarray) -> np.ndarray:
     return ~blank & (np.arange(len(blank)) >= len(colour))
-
-
-def _without(rows: np.ndarray, basis: np.ndarray | None) -> np.ndarray:
-    return rows if basis is None else rows - (rows @ basis.T) @ basis
 
 
 ORDER = 3

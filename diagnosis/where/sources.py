@@ -256,7 +256,6 @@ _MOVES = 0.05
 def scan_sources(
     residuals: Residuals,
     operators: Sequence[Operator],
-    nuisance: np.ndarray | None = None,
     *,
     left: Callable[[np.ndarray], np.ndarray] | None = None,
     alpha: float = 0.05,
@@ -267,13 +266,11 @@ def scan_sources(
     ----------
     operators
         One for each source.
-    nuisance
-        See :func:`~diagnosis.where.series.whitened`.
     left
         What calibration leaves of a series on the outputs, (outputs, steps, n) in and out: it has already been applied
         to the residuals, and is to the operators' responses and the sensors' errors. Without it all are as they are.
     """
-    white = whitened(residuals, nuisance)
+    white = whitened(residuals)
     grouped = [_grouped(one) for one in operators]
     kept = [one.response if left is None else left(one.response) for one in grouped]
     problems = [

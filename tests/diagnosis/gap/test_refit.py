@@ -11,9 +11,9 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.effects import library
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import AMPLITUDE, Grams
-from diagnosis.gap.linear import Linearised, applicable
-from diagnosis.gap.refit import from_one_start, line_at, misfit, on_the_best_line, refit, settled
+from diagnosis.gap.grams import AMPLITUDE, Grams, estimated_colours
+from diagnosis.gap.linear import Linearised, applicable, linearised
+from diagnosis.gap.refit import from_one_start, line_at, misfit, on_the_best_line, refit, relinearised
 from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.recording import HOUR, read_recording
 from tests.diagnosis.gap.room_cases import in_the_middle, noisy, room
@@ -31,10 +31,11 @@ def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_syst
     base = fit(whole.with_observed(fitted), rounds=1)  # from the truth, the middle of the prior
     carbon = system.output_names.index("CO2")
     rows = scored & whole.observed[carbon]
+    grams = Grams(linearised(base.problem, base.z, base.around), fitted)
 
     def left(every):
-        one = settled(base.problem, base.z, base.around, fitted, whole.floor, renewals=0, every=every)
-        return np.sqrt(np.mean((whole.measured - one.lin.outputs)[carbon][rows] ** 2))
+        there = relinearised(grams, estimated_colours(grams, whole.floor).best, base.z, every)
+        return np.sqrt(np.mean((whole.measured - there.outputs)[carbon][rows] ** 2))
 
     # the usual persons of such a day miss the day that was; told by it, little but the sensor's own error is left
     assert left(whole.observed) < 0.4 * left(fitted)

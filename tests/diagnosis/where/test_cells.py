@@ -256,7 +256,7 @@ def test_false_alarms_are_as_rare_as_promised():
     for _ in range(400):
         rows = wander(rng, (20, 1, 120))
         rows[0][:, rng.random(120) < 0.05] = np.nan
-        regimes = [Regime("shared", "", wander(rng, (120,)) > 0), Regime("own", "", wander(rng, (20, 120)) > 0.3)]
+        regimes = [Regime("one", "", wander(rng, (120,)) > 0), Regime("another", "", wander(rng, (120,)) > 0.3)]
         found = scan_cells(Residuals(time, rows[0], rows[1:], ["a"], ["K"]), regimes)
         alarms += found.test.p_value <= 0.05
         assert bool(found.findings) == (found.test.p_value <= 0.05)
