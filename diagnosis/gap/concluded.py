@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
@@ -14,61 +13,26 @@ from matplotlib.figure import Figure
 from diagnosis.curves import curves, plot
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import NO_TIME
-from diagnosis.fitting.fit import Fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.evidence import Evidence, Search, evidence_of, gap_found
+from diagnosis.gap.evidence import evidence_of, gap_found
 from diagnosis.gap.places import operators, place
-from diagnosis.gap.reporting import reported
+from diagnosis.gap.reporting import Answered, Began, reported
 from diagnosis.gap.schema import HOW_FAR, Report, ShrinkageOf
 from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.shrinkage import Apart, fitted_apart, left_by, shrinkages
 from diagnosis.gap.starting import Begun
-from diagnosis.gap.verdict import Decision, Verdicts, decide
-from diagnosis.where import Operator, Where
+from diagnosis.gap.verdict import Verdicts, decide
+from diagnosis.where import Operator
 from shared.results import Result
 
 SOURCES = "what the balances may lack"
 
 
-@dataclass(frozen=True)
-class Began:
-    """When a diagnosis began: wall and processor time [s], and the simulations that had been asked for until then."""
-
-    seconds: float
-    cpu_seconds: float
-    simulations: int
-
-    @classmethod
-    def now(cls, simulations: int) -> Began:
-        """At this moment."""
-        return cls(time.perf_counter(), time.process_time(), simulations)
-
-
 @dataclass(frozen=True, repr=False)
-class Diagnosis(Result):
-    """A diagnosis and all that it was made from.
+class Diagnosis(Result, Answered):
+    """A diagnosis: its report, and all that it was made from."""
 
-    ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
-    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``where_left`` is with
-    the chosen effects, if there are any.
-    """
-
-    whole: Problem
-    origin: Begun
-    candidates: list[Effect]
-    search: Search
-    decision: Decision
-    evidence: Evidence
-    by: tuple[Verdicts, str]
-    sources: list[Operator]
-    unknown: dict[str, str]
-    where: Where
-    where_left: Where | None
-    apart: Apart | None
-    shrinkage: list[ShrinkageOf]
-    scored: np.ndarray
-    seed: int
-    report: Report = None  # type: ignore[assignment]  # made of all the others
+    report: Report
 
     def without(self, names: Collection[str]) -> Diagnosis:
         """The same recording diagnosed with some candidates withheld.
@@ -80,11 +44,6 @@ class Diagnosis(Result):
         left = [one for one in self.candidates if one.name not in names]
         began = Began.now(self.whole.simulations)
         return concluded(self.whole, self.origin, left, self.scored, self.seed, began, self.by, self)
-
-    @property
-    def base(self) -> Fit:
-        """The base model's fit."""
-        return self.origin.fit
 
     @property
     def headline(self) -> str:
@@ -184,7 +143,7 @@ def concluded(
         shrinkage = attempt(
             HOW_FAR, lambda: shrinkages(fits, first, colours, scored, whole.observed, seed=seed), shrinkage
         )
-    done = Diagnosis(
+    done = Answered(
         whole,
         origin,
         candidates,
@@ -201,4 +160,4 @@ def concluded(
         scored,
         seed,
     )
-    return replace(done, report=reported(done, began))
+    return Diagnosis(**vars(done), report=reported(done, began))

@@ -15,9 +15,10 @@ from diagnosis.effects.base import foreseen
 from diagnosis.effects.library import check_baselines
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import side_by_side, simulations
-from diagnosis.gap.concluded import Began, Diagnosis, concluded
+from diagnosis.gap.concluded import Diagnosis, concluded
 from diagnosis.gap.linear import applicable
 from diagnosis.gap.places import check_places
+from diagnosis.gap.reporting import Began
 from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.gap.verdict import verdicts_of

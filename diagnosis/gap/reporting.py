@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.fitting.fit import doubted_sd
-from diagnosis.gap.evidence import Search
+from diagnosis.effects import Effect
+from diagnosis.fitting.fit import Fit, doubted_sd
+from diagnosis.fitting.problem import Problem
+from diagnosis.gap.evidence import Evidence, Search
 from diagnosis.gap.limits import detectability, ends_left_out, limits, noiseless, strained
 from diagnosis.gap.places import stretch
 from diagnosis.gap.refit import Refit, Rivals
@@ -21,23 +22,68 @@ from diagnosis.gap.schema import (
     ParameterOf,
     Place,
     Report,
+    ShrinkageOf,
     SourceOf,
     StageOf,
 )
 from diagnosis.gap.sentences import summary
+from diagnosis.gap.shrinkage import Apart
 from diagnosis.gap.stages import Stage
+from diagnosis.gap.starting import Begun
 from diagnosis.gap.twins import TWINS
-from diagnosis.gap.verdict import Decision
+from diagnosis.gap.verdict import Decision, Verdicts
 from diagnosis.recording import HOUR
 from diagnosis.usual import HALF_WIDTH
-from diagnosis.where import Where
-
-if TYPE_CHECKING:
-    from diagnosis.gap.concluded import Began, Diagnosis
+from diagnosis.where import Operator, Where
 
 
-def reported(done: Diagnosis, began: Began) -> Report:
-    """All tables of ``report.json``, of a diagnosis that has none yet."""
+@dataclass(frozen=True)
+class Began:
+    """When a diagnosis began: wall and processor time [s], and the simulations that had been asked for until then."""
+
+    seconds: float
+    cpu_seconds: float
+    simulations: int
+
+    @classmethod
+    def now(cls, simulations: int) -> Began:
+        """At this moment."""
+        return cls(time.perf_counter(), time.process_time(), simulations)
+
+
+@dataclass(frozen=True)
+class Answered:
+    """What a diagnosis found, and what it was found from.
+
+    ``whole`` is the problem before any fit; ``scored`` (steps,) the part that ``apart``'s fits do without; ``sources``
+    the operators of what may be missing from a balance, and ``unknown`` why there are no others; ``where_left`` is with
+    the chosen effects, if there are any.
+    """
+
+    whole: Problem
+    origin: Begun
+    candidates: list[Effect]
+    search: Search
+    decision: Decision
+    evidence: Evidence
+    by: tuple[Verdicts, str]
+    sources: list[Operator]
+    unknown: dict[str, str]
+    where: Where
+    where_left: Where | None
+    apart: Apart | None
+    shrinkage: list[ShrinkageOf]
+    scored: np.ndarray
+    seed: int
+
+    @property
+    def base(self) -> Fit:
+        """The base model's fit."""
+        return self.origin.fit
+
+
+def reported(done: Answered, began: Began) -> Report:
+    """All tables of ``report.json``."""
     search, decision, where, (by, uncalibrated) = done.search, done.decision, done.where, done.by
     problem, first = done.base.problem, search.stages[0]
     long = {one.name: one.long_name for one in problem.system.outputs}
