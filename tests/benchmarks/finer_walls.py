@@ -32,8 +32,8 @@ def moved(system: System, path: Path, values: dict[str, float], *, replay: bool,
     record = read_recording(path, system)
     finer = load_truth(default_truth(system), system).described(system)
     finer = finer.with_experiment(step=record.step, hours=HOURS)
-    common = {"occupancy": "measured", "replay": replay}
-    problem = Problem(Simulator(system.with_experiment(step=record.step)), record, uncertain=free, **common)
+    common, known = {"occupancy": "measured", "replay": replay}, () if free else ("constants",)
+    problem = Problem(Simulator(system.with_experiment(step=record.step)), record, known=known, **common)
     truth = Problem(Simulator(finer), record, known=["constants"], **common)
     z = problem.unknowns(values)
     around = problem.linearise(z)

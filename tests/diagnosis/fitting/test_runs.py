@@ -66,8 +66,8 @@ def test_finer_walls_do_not_bend_the_parameters(room, simulator, replay, tmp_pat
     values = {name: float(data[name]) for name in room.parameter_names}
     finer = truth.simulate(truth.unknowns(values))
     off = {}
-    for uncertain in (False, True):
-        problem = Problem(simulator, record, occupancy="measured", replay=replay, uncertain=uncertain)
+    for uncertain, known in ((False, ["constants"]), (True, [])):
+        problem = Problem(simulator, record, occupancy="measured", replay=replay, known=known)
         z = problem.unknowns(values)
         gap = problem.with_measured(np.where(problem.observed, finer, np.nan))
         left, jacobian = gap.residuals(z), -gap.jacobian(z, central=True)
@@ -125,7 +125,8 @@ def test_pulses_of_persons_answer_with_the_effect_that_follows_them(warm):
     """At an amplitude that is not zero, what one more person does is what both runs with the window say."""
     simulator, recording = warm
     effect = effects(simulator.system)["window.warm"]
-    problem = Problem(simulator, recording, occupancy="unknown", known=["constants"], warm_up=HALF_HOUR, effects=[effect])
+    problem = Problem(simulator, recording, occupancy="unknown", known=["constants"], warm_up=HALF_HOUR)
+    problem = problem.with_effects([effect])
     z, heights = as_counted(problem.with_effects([]), recording, 7.0)
     z = np.insert(z, len(problem.system.parameters), 2.0)
     problem = problem.with_nuisance(problem.nuisance.only(problem.nuisance.begin < recording.start + 86400.0))
