@@ -10,7 +10,7 @@ from datagen.simulating.simulator import Simulator
 @pytest.fixture(scope="module")
 def year(default_system):
     simulator = Simulator(default_system)
-    runs = [simulate_system(simulator, root_seed=77, index=i) for i in range(4)]
+    runs = [simulate_system(simulator, root_seed=77, index=i) for i in range(8)]
     return {name: np.stack([run.outputs[k] for run in runs]) for k, name in enumerate(default_system.output_names)}
 
 
