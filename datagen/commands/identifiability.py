@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
@@ -16,6 +17,7 @@ from shared.logs import USUAL, Reporting, logger
 from shared.watchdog import PATIENT, Patience
 
 if TYPE_CHECKING:
+    from datagen.limits.exact import Reachable
     from shared.ceiling import Ceiling
 
 console = new_console()
@@ -33,6 +35,8 @@ def identifiability(
     seed: NotNegative = 1,
     workers: Positive = 2,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    exact: Annotated[bool, Parameter(negative=())] = False,
+    steps: Positive = 2000,
     out: Place | None = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
@@ -67,16 +71,25 @@ def identifiability(
     uncertain
         Draw the description's [[uncertain]] constants for each system, and treat them as unknown: the ceiling for
         datasets of `datagen run --uncertain`.
+    exact
+        Print the reachable ceiling, beside the linearised one of the same rooms: chains visit each room's posterior
+        with the real simulator and with occupants as they are drawn. It takes minutes for each room and condition, in
+        one process. Rooms are kept in the folder `--out` as they are done, and a second run goes on from there.
+    steps
+        Simulations of each chain of `--exact`.
     out
-        File for the result, in place of `identifiability.json` beside the description. Required with the name of a
+        Folder of `--exact`, which needs one. Otherwise file for the result, in place of `identifiability.json` beside the description. Required with the name of a
         shipped system. Other conditions in the file are kept.
     overwrite
         Replace a file of another system, of an earlier description or FMU, and ceilings of more systems.
     as_json
         Print JSON.
     """
+    if exact and out is None:
+        raise ZeroshotError("--exact: has no --out; expected a folder to keep its rooms in")
     from datagen.fmi.checking import check_system, fmu_of
     from datagen.limits.ceilings import ceilings_of, check_conditions
+    from datagen.limits.exact import reachable_ceilings
     from datagen.limits.keeping import ceilings_at, check_as_many
     from datagen.simulating.liveness import HARDLY, check_live_apart
     from shared.ceiling import FILE_NAME, in_words, write_ceilings
@@ -99,6 +112,21 @@ def identifiability(
         together = ",".join(name for names in sets for name in names)
         _log.info("%d sets of one channel each; %s would be one set of all", len(sets), together)
     check_conditions(described, contexts, conditions, systems=systems, uncertain=uncertain)
+    if exact:
+        check_system(described, fmu_of(described))
+        for reachable in reachable_ceilings(
+            described,
+            path,
+            contexts=contexts,
+            conditions=conditions,
+            systems=systems,
+            seed=seed,
+            steps=steps,
+            uncertain=uncertain,
+            quiet=report.quiet,
+        ):
+            _print_reachable(reachable, as_json=as_json)
+        return OK
     before = ceilings_at(path, described, overwrite=overwrite)
     if not overwrite:
         check_as_many(path, before, described, contexts, conditions, systems=systems, uncertain=uncertain)
@@ -135,6 +163,23 @@ def identifiability(
         console.print("of one system there is no interval", markup=False)
     console.print(f"kept in {path}", markup=False)
     return OK
+
+
+def _print_reachable(one: Reachable, *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(one.plain(), indent=1, allow_nan=False) + "\n")
+        return
+    low, high = one.acceptance
+    head = f"{one.context_hours:g} h, {one.noise}, {' '.join(one.channels)}: {one.rooms} rooms, acceptance {low:.2f} to"
+    console.print(f"{head} {high:.2f}", markup=False)
+    table = Table("parameter", "reachable", "linearised", "R2 of the means", "effective draws", box=None)
+    for k, name in enumerate(one.parameters):
+        value = "" if np.isnan(one.r2[k]) else f"{one.r2[k]:.3f}"
+        value += "" if np.isnan(one.low[k]) else f" [{one.low[k]:.3f}, {one.high[k]:.3f}]"
+        table.add_row(name, value, f"{one.linearised[k]:.3f}", f"{one.scored[k]:.3f}", f"{one.effective[k]:.0f}")
+    console.print(table)
+    if np.isnan(one.r2).any():
+        console.print(one.refusal, markup=False)
 
 
 def _interval(one: Ceiling) -> str:
