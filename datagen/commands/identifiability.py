@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
+from rich.text import Text
 
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.errors import ZeroshotError
@@ -114,18 +114,13 @@ def identifiability(
     check_conditions(described, contexts, conditions, systems=systems, uncertain=uncertain)
     if exact:
         check_system(described, fmu_of(described))
-        for reachable in reachable_ceilings(
-            described,
-            path,
-            contexts=contexts,
-            conditions=conditions,
-            systems=systems,
-            seed=seed,
-            steps=steps,
-            uncertain=uncertain,
-            quiet=report.quiet,
-        ):
-            _print_reachable(reachable, as_json=as_json)
+        over = {"contexts": contexts, "conditions": conditions, "systems": systems, "seed": seed}
+        found = reachable_ceilings(described, path, **over, steps=steps, uncertain=uncertain, quiet=report.quiet)
+        if as_json:
+            sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1, allow_nan=False) + "\n")
+        else:
+            for one in found:
+                _print_reachable(one)
         return OK
     before = ceilings_at(path, described, overwrite=overwrite)
     if not overwrite:
@@ -165,21 +160,20 @@ def identifiability(
     return OK
 
 
-def _print_reachable(one: Reachable, *, as_json: bool) -> None:
-    if as_json:
-        sys.stdout.write(json.dumps(one.plain(), indent=1, allow_nan=False) + "\n")
-        return
+def _print_reachable(one: Reachable) -> None:
     low, high = one.acceptance
-    head = f"{one.context_hours:g} h, {one.noise}, {' '.join(one.channels)}: {one.rooms} rooms, acceptance {low:.2f} to"
-    console.print(f"{head} {high:.2f}", markup=False)
-    table = Table("parameter", "reachable", "linearised", "R2 of the means", "effective draws", box=None)
-    for k, name in enumerate(one.parameters):
-        value = "" if np.isnan(one.r2[k]) else f"{one.r2[k]:.3f}"
-        value += "" if np.isnan(one.low[k]) else f" [{one.low[k]:.3f}, {one.high[k]:.3f}]"
-        table.add_row(name, value, f"{one.linearised[k]:.3f}", f"{one.scored[k]:.3f}", f"{one.effective[k]:.0f}")
+    what = f"{one.context_hours:g} h, {one.noise}, {' '.join(one.channels)}"
+    console.print(f"R2 in {one.rooms} rooms, {what}; acceptance {low:.2f} to {high:.2f}", markup=False)
+    table = Table("parameter", "reachable ceiling", "linearised", "posterior means", "effective draws", box=None)
+    rows = zip(one.parameters, one.r2, one.low, one.high, one.linearised, one.scored, one.effective, strict=True)
+    for name, r2, low_, high_, linearised, scored, effective in rows:
+        value = "" if r2 is None else f"{r2:.3f}"
+        value += "" if low_ is None or high_ is None else f" [{low_:.3f}, {high_:.3f}]"
+        table.add_row(name, Text(value), f"{linearised:.3f}", f"{scored:.3f}", f"{effective:.0f}")
     console.print(table)
-    if np.isnan(one.r2).any():
-        console.print(one.refusal, markup=False)
+    if None in one.r2:
+        said = "Empty: in some room the chain has too few effective draws to say; more --steps help if it moves at all."
+        console.print(said, markup=False)
 
 
 def _interval(one: Ceiling) -> str:

@@ -86,7 +86,8 @@ class Problem:
 @dataclass(frozen=True, eq=False)
 class Chain:
     """What a chain visited: ``x`` (steps, unknowns), the share of proposals accepted, the linearised posterior variance
-    of each unknown (unknowns,) of the same recording, where 1 is the prior, and the state that it ends in."""
+    of each unknown (unknowns,) of the same recording, where 1 is the prior, and the state that it ends in.
+    """
 
     x: np.ndarray
     acceptance: float

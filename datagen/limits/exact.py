@@ -1,22 +1,19 @@
-"""The reachable ceiling of R2: the posterior of random rooms, with the real simulator and the occupancy as it is drawn.
+"""The reachable ceiling of R2: posteriors of random rooms, with the real simulator and the occupancy as it is drawn.
 
-A room's parameters, uncertain constants, occupancy, noise and window are drawn as the farm draws them. Weather, schedules
-and excitation are known, those of :data:`PAST_HOURS` before the window as well: what the room did before is simulated
-along, from the FMU's own start. A chain then visits the posterior of the recording (:mod:`datagen.limits.chains`). No
-estimate has a smaller mean square error than its mean, and that one reaches it:
+A room, its recording and its window are drawn as the farm draws them. Weather, schedules and excitation are known, also
+those of :data:`PAST_HOURS` before the window: what the room did then is simulated along, from the FMU's own start. A
+chain visits the posterior (:mod:`datagen.limits.chains`). No estimate has a smaller mean square error than its mean:
 
     R2 <= 1 - mean over rooms of the posterior variance / prior variance
 
-Readings err independently and as :meth:`shared.system.System.noise_sd` says; none is missing.
+Readings err independently, as :meth:`shared.system.System.noise_sd` says; none is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -45,19 +42,19 @@ PULSE = 1200.0
 """Length of an interval of the linearisation in persons at most [s]; the simulator has them at their very times."""
 APART = 72 * HOUR
 """Pulses of persons so far apart share a simulation [s]."""
-DIFFERENCE = 0.05
+DIFFERENCE = 0.1
 """Half-width of the difference for an unknown, in prior standard deviations."""
-TIGHT, LOOSE = 1e-7, 1e-5
+TIGHT, LOOSE = 1e-6, 1e-5
 """Tolerances of differences, and of recordings and chains alike: to a tenth of a sensor's noise."""
 ENOUGH = 10.0
 """Effective draws of each room, below which its posterior variance says too little."""
 
 
 class Room(BaseModel):
-    """What a chain says of one room; lists are by parameter.
+    """What a chain says of one room; lists are by parameter, and variances are over the prior's.
 
-    ``of`` is what it was asked. ``variance`` is the posterior's, ``linearised`` that of the linearisation, ``error`` the
-    square of truth less posterior mean, all over the prior variance; ``effective`` the effective draws.
+    ``of`` is what it was asked, ``variance`` the posterior's, ``linearised`` that of the linearisation, ``error`` the
+    square of truth less posterior mean.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -69,43 +66,26 @@ class Room(BaseModel):
     acceptance: float
 
 
-@dataclass(frozen=True)
-class Reachable:
-    """The reachable ceiling under one condition, over rooms; the last row of each array is the mean of all parameters.
+class Reachable(BaseModel):
+    """The reachable ceiling under one condition; lists are by parameter, and of their mean.
 
-    ``r2`` with its 90 % interval over rooms ``low`` and ``high``; ``linearised`` of the same rooms, with their past;
-    ``scored`` is the R2 that the posterior means have; ``effective`` the fewest effective draws of any room. ``r2`` and
-    what belongs to it is NaN where these are fewer than :data:`ENOUGH`.
+    ``r2`` with its 90 % interval over rooms, None where a room has fewer than :data:`ENOUGH` effective draws;
+    ``linearised``, of the same rooms and their past; ``scored``, the R2 that the posterior means have; ``effective``,
+    the fewest effective draws of a room; ``acceptance``, least and most.
     """
 
     context_hours: float
     noise: str
     channels: list[str]
     parameters: list[str]
-    r2: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    linearised: np.ndarray
-    scored: np.ndarray
-    effective: np.ndarray
+    r2: list[float | None]
+    low: list[float | None]
+    high: list[float | None]
+    linearised: list[float]
+    scored: list[float]
+    effective: list[float]
     acceptance: tuple[float, float]
     rooms: int
-
-    @property
-    def refusal(self) -> str:
-        """Why values are left empty."""
-        return (
-            f"Empty: a room has fewer than {ENOUGH:g} effective draws, which say too little of a variance;"
-            " more --steps may help."
-        )
-
-    def plain(self) -> dict[str, Any]:
-        """All of it as plain numbers, None where there is none."""
-        found = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(self).items()}
-        return {
-            name: [None if isinstance(v, float) and np.isnan(v) else v for v in value] if isinstance(value, list) else value
-            for name, value in found.items()
-        }
 
 
 def reachable_ceilings(
@@ -135,56 +115,55 @@ def reachable_ceilings(
     """
     check_conditions(system, contexts, conditions, systems=systems, uncertain=uncertain)
     for _, channels in conditions:
-        if set(channels) & set(crowd_inputs(system)):
+        if counted := sorted(set(channels) & set(crowd_inputs(system))):
             raise SystemDescriptionError(
-                f"{system.path}: channels {channels} count persons; expected outputs alone, since a chain that keeps"
-                " to a count cannot move, or the linearised limit"
+                f"{system.path}: channels has {counted}, a count of persons; expected outputs alone for --exact: its"
+                " chains cannot keep to a count"
             )
-    if system.ratios or (crowd_inputs(system) and system.occupancy is not None and system.occupancy.per):
+    if system.ratios or (system.occupancy is not None and system.occupancy.per):
         raise SystemDescriptionError(
-            f"{system.path}: has ratios, or an occupancy per {system.occupancy.per if system.occupancy else ''!r};"
-            " expected parameters and occupancy that are independent, or the linearised limit"
+            f"{system.path}: has ratios or an occupancy.density; expected parameters and occupancy that are drawn"
+            " independently, or no --exact"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    kept: dict[int, list[Room]] = {}
-    jobs = [(k, index) for index in range(systems) for k in range(len(contexts) * len(conditions))]
     cases = [(context, *condition) for context in contexts for condition in conditions]
-    with progress_bar("rooms", len(jobs), shown=not quiet) as bar:
-        for count, (k, index) in enumerate(jobs):
-            case = cases[k]
-            kept.setdefault(k, []).append(_room(system, folder, *case, seed, index, steps, uncertain))
-            bar.update(count + 1)
-    return [summarised(system.parameter_names, *case, kept[k]) for k, case in enumerate(cases)]
+    kept: list[list[Room]] = [[] for _ in cases]
+    with progress_bar("rooms", systems * len(cases), shown=not quiet) as bar:
+        for index in range(systems):
+            for rooms, case in zip(kept, cases, strict=True):
+                rooms.append(_room(system, folder, *case, seed, index, steps, uncertain))
+                bar.update(sum(map(len, kept)))
+    return [summarised(system.parameter_names, *case, rooms) for case, rooms in zip(cases, kept, strict=True)]
 
 
-def summarised(
-    names: list[str], context: float, noise: str, channels: list[str], rooms: Sequence[Room]
-) -> Reachable:
+def summarised(names: list[str], context: float, noise: str, channels: list[str], rooms: Sequence[Room]) -> Reachable:
     """The ceiling that some rooms make."""
 
-    def table(values: Iterator[list[float]]) -> np.ndarray:
-        each = np.array(list(values))
+    def r2(variances: list[list[float]]) -> np.ndarray:
+        each = 1 - np.array(variances)
         return np.concatenate([each, each.mean(axis=1, keepdims=True)], axis=1)
 
-    r2 = 1 - table(one.variance for one in rooms)
-    draws = r2[np.random.default_rng(0).integers(len(rooms), size=(1000, len(rooms)))].mean(axis=1)
-    least = np.array([one.effective for one in rooms]).min(axis=0)
+    each = r2([one.variance for one in rooms])
+    draws = each[np.random.default_rng(0).integers(len(rooms), size=(1000, len(rooms)))].mean(axis=1)
+    least = np.min([one.effective for one in rooms], axis=0)
     least = np.append(least, least.min())
-    enough = np.where(least >= ENOUGH, 1.0, np.nan)
-    low, high = np.percentile(draws, [5, 95], axis=0) if len(rooms) > 1 else np.full((2, len(least)), np.nan)
-    accepted = [one.acceptance for one in rooms]
+
+    def where_enough(values: np.ndarray, rooms_needed: int = 1) -> list[float | None]:
+        enough = (least >= ENOUGH) & (len(rooms) >= rooms_needed)
+        return [float(value) if good else None for value, good in zip(values, enough, strict=True)]
+
     return Reachable(
         context_hours=context,
         noise=noise,
         channels=channels,
         parameters=[*names, "mean"],
-        r2=r2.mean(axis=0) * enough,
-        low=low * enough,
-        high=high * enough,
-        linearised=1 - table(one.linearised for one in rooms).mean(axis=0),
-        scored=1 - table(one.error for one in rooms).mean(axis=0),
-        effective=least,
-        acceptance=(min(accepted), max(accepted)),
+        r2=where_enough(each.mean(axis=0)),
+        low=where_enough(np.percentile(draws, 5, axis=0), 2),
+        high=where_enough(np.percentile(draws, 95, axis=0), 2),
+        linearised=r2([one.linearised for one in rooms]).mean(axis=0).tolist(),
+        scored=r2([one.error for one in rooms]).mean(axis=0).tolist(),
+        effective=least.tolist(),
+        acceptance=(min(one.acceptance for one in rooms), max(one.acceptance for one in rooms)),
         rooms=len(rooms),
     )
 
@@ -218,30 +197,18 @@ def _room(
             f"{path}: is of {wrong} {found.of.get(wrong, '')!r}, this is of {asked[wrong]!r}; expected another --out"
         )
     problem = recorded(system, context, noise, channels, seed, index, uncertain)
-    room = of_chain(system, problem, steps, np.random.default_rng([seed, index]), asked)
-    write_atomically(path, (room.model_dump_json(indent=1) + "\n").encode())
-    return room
-
-
-def of_chain(
-    system: System, problem: Problem, steps: int, rng: np.random.Generator, asked: dict[str, str]
-) -> Room:
-    """What a chain says of a recording."""
-    chain = sample(problem, steps, rng)
+    chain = sample(problem, steps, np.random.default_rng([seed, index]))
 
     def physical(x: np.ndarray) -> np.ndarray:
-        """Parameters in prior standard deviations of the scale that R2 is of."""
+        """Parameters (..., parameters) in prior standard deviations of the scale that R2 is of."""
         unit = np.clip(0.5 + x[..., : problem.uniform] / (2 * HALF), 0, 1)
-        each = [
-            one.from_unit(unit[..., k]) / np.std(one.from_unit(np.linspace(0, 1, 2001)))
-            for k, one in enumerate(system.parameters)
-        ]
-        return np.stack(each, axis=-1)
+        spread = [np.std(one.from_unit(np.linspace(0, 1, 2001))) for one in system.parameters]
+        return np.stack([one.from_unit(unit[..., k]) / spread[k] for k, one in enumerate(system.parameters)], axis=-1)
 
     visited = physical(chain.x)
     draws = effective(visited)
-    more = np.where(draws > 1, draws / np.maximum(draws - 1, 1e-9), 1.0)  # about its own mean a chain varies less
-    return Room(
+    more = draws / np.maximum(draws - 1, 0.5)  # about its own mean a chain varies less
+    room = Room(
         of=asked,
         variance=(visited.var(axis=0) * more).tolist(),
         linearised=chain.linearised[: problem.uniform].tolist(),
@@ -249,6 +216,8 @@ def of_chain(
         effective=draws.tolist(),
         acceptance=chain.acceptance,
     )
+    write_atomically(path, (room.model_dump_json(indent=1) + "\n").encode())
+    return room
 
 
 def recorded(
@@ -315,7 +284,9 @@ def recorded(
         fine = table.refined(edges)
         by_person = _by_person(lambda table: simulated(x, table, TIGHT), fine, columns, spec, edges, begin)
     noise_free = outputs(truth)
-    normal = stream(seed, index, f"reading {noise}").standard_normal((len(system.outputs), len(noise_free) // len(rows)))
+    normal = stream(seed, index, f"reading {noise}").standard_normal(
+        (len(system.outputs), len(noise_free) // len(rows))
+    )
     readings = noise_free + normal[rows].ravel()
     return Problem(truth, readings, n, outputs, np.stack(by_unknown, axis=1), by_person, spec, edges)
 

@@ -40,7 +40,12 @@ def test_of_a_linear_gaussian_problem_the_posterior_is_that_of_linear_regression
     design = rng.normal(size=(30, 4)) * [3.0, 1.0, 0.3, 0.05]
     truth = rng.normal(size=4)
     problem = Problem(
-        State(truth, None), design @ truth + rng.normal(size=30), 0, lambda state: design @ state.x, design, np.zeros((30, 0))
+        State(truth, None),
+        design @ truth + rng.normal(size=30),
+        0,
+        lambda state: design @ state.x,
+        design,
+        np.zeros((30, 0)),
     )
     chain = sample(problem, 600, rng)
     covariance = np.linalg.inv(np.eye(4) + design.T @ design)
@@ -52,8 +57,9 @@ def test_of_a_linear_gaussian_problem_the_posterior_is_that_of_linear_regression
     assert (np.abs(chain.x.mean(axis=0) - mean) < 0.3 * np.sqrt(np.diag(covariance))).all()
 
 
-def test_without_a_likelihood_the_sampler_s_own_occupancy_is_left():
+def test_without_a_likelihood_the_sampler_s_own_occupancy_is_left(monkeypatch):
     """The surrogate takes persons and unknowns for seen, which they are not: what it prefers has to be undone."""
+    monkeypatch.setattr(chains, "LENGTHS", (2, 4))
     rng = np.random.default_rng(2)
     by_person = 0.02 * rng.normal(size=(12, len(EDGES) - 1))
     by_unknown = 0.5 * rng.normal(size=(12, 3))
@@ -61,7 +67,7 @@ def test_without_a_likelihood_the_sampler_s_own_occupancy_is_left():
     problem = Problem(truth, np.zeros(12), 2, lambda _: np.zeros(12), by_unknown, by_person, SPEC, EDGES)
     surrogate = chains._Surrogate(problem, rng)
     found, unknowns, accepted = [], [], []
-    for _ in range(300):
+    for _ in range(200):
         start = State(np.append(rng.uniform(-HALF, HALF, 2), rng.normal()), persons_of(rng))
         chain = chains._run(problem, surrogate, start, 12)
         found.append(hourly(chain.last.persons))
@@ -95,7 +101,9 @@ def room(rng):
 
     truth = State(rng.uniform(-HALF, HALF, 2), persons_of(rng))
     middle = outputs(truth)
-    by_unknown = np.stack([(outputs(replace(truth, x=truth.x + step)) - middle) / 0.01 for step in 0.01 * np.eye(2)], axis=1)
+    by_unknown = np.stack(
+        [(outputs(replace(truth, x=truth.x + step)) - middle) / 0.01 for step in 0.01 * np.eye(2)], axis=1
+    )
     loss = 0.4 * np.exp(0.3 * truth.x[1])
     age = HOURS[1:, None] / 3600 - 1 - np.floor(EDGES[:-1] / 3600)
     by_person = (2 + 0.5 * truth.x[0]) / 2 * np.exp(-loss * age) * (1 - np.exp(-loss)) / loss / 2.0 * (age >= 0)
@@ -103,7 +111,8 @@ def room(rng):
 
 
 @pytest.mark.slow
-def test_intervals_cover_the_truth_as_often_as_they_say():
+def test_intervals_cover_the_truth_as_often_as_they_say(monkeypatch):
+    monkeypatch.setattr(chains, "LENGTHS", (8,))
     rng = np.random.default_rng(3)
     covered, errors, variances = [], [], []
     for _ in range(40):
@@ -122,13 +131,13 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
 @pytest.fixture(scope="module")
 def house(small_fmu):
     fmu = small_fmu("house", attributes='canHandleVariableCommunicationStepSize="true"')
-    return parse_system(HOUSE.format(fmu=fmu.as_posix()).replace("0.05", "2.0") + INPUTS, fmu.parent / "house.toml")
+    return parse_system(HOUSE.format(fmu=fmu.as_posix()).replace("0.05", "2.0").replace("hours = 48.0", "hours = 24.0") + INPUTS, fmu.parent / "house.toml")
 
 
 def test_of_a_linear_fmu_both_ceilings_are_that_of_the_solution(house, tmp_path):
     """T = c + a RO S (1 - exp(-t / tau)) from the start of the past, a day before the window."""
     (found,) = reachable_ceilings(
-        house, tmp_path, contexts=[24.0], conditions=[("sensor", ["room"])], systems=6, steps=400
+        house, tmp_path, contexts=[24.0], conditions=[("sensor", ["room"])], systems=4, steps=200
     )
     by_area = 8.0 * 0.5 * 3 / np.sqrt(12) * (1 - np.exp(-(24 + np.arange(1.0, 25.0)) / 16.0))
     expected = 1 - 1 / (1 + (by_area**2).sum() / (2.0**2 + 0.01**2))
@@ -147,26 +156,25 @@ def test_rooms_are_kept_and_only_added_to(house, tmp_path, monkeypatch):
     monkeypatch.setattr("datagen.limits.exact.recorded", lambda *a: drawn.append(a[5]) or recorded(*a))
     reachable_ceilings(house, tmp_path, systems=2, **asked)
     assert drawn == [1] and first.read_bytes() == before
-    with pytest.raises(ZeroshotError, match="is of condition .*30 steps', this is of .*31 steps'; expected another"):
+    with pytest.raises(ZeroshotError, match=r"is of condition .*30 steps', this is of .*31 steps'; expected another"):
         reachable_ceilings(house, tmp_path, systems=2, **{**asked, "steps": 31})
 
 
 def test_too_few_effective_draws_leave_a_value_empty():
     rooms = [
-        Room(of={}, variance=[0.2, 0.1], linearised=[0.3, 0.2], error=[0.2, 0.1], effective=[50.0, most], acceptance=0.2)
+        Room(
+            of={}, variance=[0.2, 0.1], linearised=[0.3, 0.2], error=[0.2, 0.1], effective=[50.0, most], acceptance=0.2
+        )
         for most in (40.0, 3.0)
     ]
     found = summarised(["a", "b"], 24.0, "sensor", ["room"], rooms)
     assert found.r2[0] == pytest.approx(0.8)
-    assert np.isnan(found.r2[1:]).all() and np.isnan(found.low[1:]).all()
+    assert found.r2[1:] == found.low[1:] == [None, None]
     assert found.linearised[1] == pytest.approx(0.8) and found.effective[1] == 3.0
-    assert found.plain()["r2"][1:] == [None, None]
 
 
 def test_the_command_names_both_ceilings(house, tmp_path, capsys):
-    (tmp_path / "house.toml").write_text(
-        HOUSE.format(fmu=house.fmu_path.as_posix()).replace("0.05", "2.0") + INPUTS
-    )
+    (tmp_path / "house.toml").write_text(HOUSE.format(fmu=house.fmu_path.as_posix()).replace("0.05", "2.0") + INPUTS)
     words = ["identifiability", str(tmp_path / "house.toml"), "--exact", "--context", "24", "--noise", "sensor"]
     with pytest.raises(ZeroshotError, match="--exact: has no --out; expected a folder"):
         app(words)
@@ -175,11 +183,11 @@ def test_the_command_names_both_ceilings(house, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "reachable" in text and "linearised" in text and "effective draws" in text
     assert app([*words, "--json", "--quiet"], result_action="return_value") == 0
-    assert json.loads(capsys.readouterr().out)["rooms"] == 1
+    assert json.loads(capsys.readouterr().out)[0]["rooms"] == 1
 
 
 def test_a_count_of_persons_is_refused(default_system, tmp_path):
-    with pytest.raises(SystemDescriptionError, match="count persons; expected outputs alone"):
+    with pytest.raises(SystemDescriptionError, match=r"channels has \['nPer'\], a count of persons"):
         reachable_ceilings(
             default_system, tmp_path, contexts=[24.0], conditions=[("sensor", ["TRoo", "nPer"])], systems=1
         )
