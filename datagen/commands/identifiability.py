@@ -43,7 +43,7 @@ def identifiability(
     patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
-    """Print the ceiling of R2 for each parameter: the linearised limit from the FMU's sensitivities.
+    """Print the ceiling of R2 for each parameter: the linearised limit from the FMU's sensitivities, or the reachable.
 
     The result is written beside the system description, from where `datagen run` copies it into datasets. A parameter
     that the FMU accepts but ignores is refused.
@@ -78,8 +78,9 @@ def identifiability(
     steps
         Simulations of each chain of `--exact`.
     out
-        Folder of `--exact`, which needs one. Otherwise file for the result, in place of `identifiability.json` beside the description. Required with the name of a
-        shipped system. Other conditions in the file are kept.
+        File for the result, in place of `identifiability.json` beside the description; with `--exact` a folder for
+        its rooms. Required with the name of a shipped system, and with `--exact`. Other conditions in the file are
+        kept.
     overwrite
         Replace a file of another system, of an earlier description or FMU, and ceilings of more systems.
     as_json

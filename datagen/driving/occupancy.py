@@ -25,8 +25,8 @@ _JITTER_LIMIT = 3.0
 class Draw:
     """Independent uniform numbers that an occupancy is a fixed function of.
 
-    ``usual`` (..., 3): of headcount, arrival and duration; ``rows`` (..., days, numbers): of each day; ``days`` (days,):
-    their numbers since time zero. Leading axes are independent draws.
+    ``usual`` (..., 3) are of headcount, arrival and duration, ``rows`` (..., days, numbers) of each day, and ``days``
+    (days,) the days' numbers since time zero. Leading axes are independent draws.
     """
 
     usual: np.ndarray

@@ -30,7 +30,7 @@ CANDIDATES = 32
 LENGTHS = (8, 16, 32)
 """Moves on the surrogate between two simulations: many go far, few are accepted more often."""
 DESIGN, ROUNDS = 1.5, 3
-"""Simulations for each feature, and rounds, that the surrogate is fitted in; the first knows the linearisation alone."""
+"""Of the fit: simulations for each feature in a round, and rounds. The first knows the linearisation alone."""
 RIDGE = 0.3
 """Of that fit, whose features have about unit size."""
 OF_UNKNOWNS = 0.25
@@ -51,28 +51,24 @@ class State:
 class Problem:
     """A recording and what it depends on; readings are in standard deviations of their noise.
 
-    The first ``uniform`` unknowns are uniform, the others normal. ``outputs`` gives the readings (readings,) of a state,
-    None where the prior excludes it. ``by_unknown`` (readings, unknowns) and ``by_person`` (readings, intervals) are
-    their derivatives about the truth; persons are means over intervals between ``edges`` [s].
+    The first ``uniform`` unknowns are uniform, the others normal. ``outputs`` gives the readings (readings,) of a
+    state; ``by_unknown`` (readings, unknowns) and ``by_person`` (readings, intervals) are their derivatives about the
+    truth. Persons are means over intervals between ``edges`` [s].
     """
 
     truth: State
     readings: np.ndarray
     uniform: int
-    outputs: Callable[[State], np.ndarray | None]
+    outputs: Callable[[State], np.ndarray]
     by_unknown: np.ndarray
     by_person: np.ndarray
     spec: Occupancy | None = None
     edges: np.ndarray | None = None
 
-    def inside(self, x: np.ndarray) -> np.ndarray:
-        """Whether unknowns (..., unknowns) are within the uniform prior, shape (...)."""
-        return (np.abs(x[..., : self.uniform]) <= HALF).all(axis=-1)
-
     def log_prior(self, x: np.ndarray) -> np.ndarray:
-        """Logarithm of the prior density of unknowns (..., unknowns), but for a constant, shape (...)."""
-        normal = -0.5 * (x[..., self.uniform :] ** 2).sum(axis=-1)
-        return np.where(self.inside(x), normal, -np.inf)
+        """Logarithm of the prior density of unknowns (n, unknowns), but for a constant, shape (n,)."""
+        inside = (np.abs(x[:, : self.uniform]) <= HALF).all(axis=1)
+        return np.where(inside, -0.5 * (x[:, self.uniform :] ** 2).sum(axis=1), -np.inf)
 
     def means(self, persons: Draw | None, reach: slice | None = None) -> np.ndarray:
         """Mean persons over the intervals of a draw (intervals,) or of many (draws, intervals), some edges or all."""
@@ -85,8 +81,10 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """What a chain visited: ``x`` (steps, unknowns), the share of proposals accepted, the linearised posterior variance
-    of each unknown (unknowns,) of the same recording, where 1 is the prior, and the state that it ends in.
+    """What a chain visited.
+
+    ``x`` (steps, unknowns); ``acceptance``, of proposals that the simulator saw; ``linearised`` posterior variance of
+    each unknown (unknowns,) of the same recording, 1 is the prior; ``last``, the state that it ends in.
     """
 
     x: np.ndarray
@@ -98,7 +96,7 @@ class Chain:
 class _Surrogate:
     """Readings as a quadratic in the unknowns and linear in mean persons, with the moves on it.
 
-    Readings are in a basis that leaves out what nothing moves; ``part`` is what persons add to them.
+    Readings are in a basis that leaves out what nothing moves; a ``part`` is what persons add to them.
     """
 
     def __init__(self, problem: Problem, rng: np.random.Generator) -> None:
@@ -130,9 +128,8 @@ class _Surrogate:
         self.target = problem.readings @ self.basis
         self.pairs = np.triu_indices(len(unit))
         self.fitted = np.zeros((1 + len(unit) + len(self.pairs[0]), self.basis.shape[1]))
-        truth = problem.outputs(problem.truth)
-        assert truth is not None
-        self.fitted[0], self.fitted[1 : len(unit) + 1] = truth @ self.basis, self.root.T @ by_unknown.T @ self.basis
+        self.fitted[0] = problem.outputs(problem.truth) @ self.basis
+        self.fitted[1 : len(unit) + 1] = self.root.T @ by_unknown.T @ self.basis
         self.linear = self.fitted
 
     def features(self, x: np.ndarray) -> np.ndarray:
@@ -223,46 +220,37 @@ def sample(problem: Problem, steps: int, rng: np.random.Generator) -> Chain:
     It begins at the truth, itself a draw from the posterior given its recording, so nothing is left out in search of
     the likely. It is stationary but for what the surrogate, linearised about the truth, knows.
     """
-    surrogate = _Surrogate(problem, rng)
+    surrogate, n = _Surrogate(problem, rng), len(problem.truth.x)
     states: list[State] = []
     outputs: list[np.ndarray] = []
     for count in range(ROUNDS):
         state = problem.truth
         for _ in range(int(DESIGN * len(surrogate.fitted))):
-            state = surrogate.after(state, LENGTHS[0])[0] if count else _scattered(surrogate)
-            found = problem.outputs(state)
-            if found is not None:
-                states.append(state)
-                outputs.append(found)
+            if count:
+                state, _ = surrogate.after(state, LENGTHS[0])
+            else:  # unknowns from the linearised posterior
+                x = problem.truth.x + surrogate.root @ rng.standard_normal(n)
+                x[: problem.uniform] = np.clip(x[: problem.uniform], -HALF, HALF)
+                state = replace(problem.truth, x=x)
+            states.append(state)
+            outputs.append(problem.outputs(state))
         surrogate.fit(states, outputs)
     return _run(problem, surrogate, problem.truth, steps)
 
 
-def _scattered(surrogate: _Surrogate) -> State:
-    """The truth with unknowns from the linearised posterior about it."""
-    problem = surrogate.problem
-    x = problem.truth.x + surrogate.root @ surrogate.rng.standard_normal(len(problem.truth.x))
-    x[: problem.uniform] = np.clip(x[: problem.uniform], -HALF, HALF)
-    return replace(problem.truth, x=x)
-
-
 def _run(problem: Problem, surrogate: _Surrogate, state: State, steps: int) -> Chain:
-    def error(state: State, outputs: np.ndarray, part: np.ndarray) -> float:
+    def error(state: State, part: np.ndarray) -> float:
         """Of the surrogate's log likelihood."""
-        misfit = float(((problem.readings - outputs) ** 2).sum())
+        misfit = float(((problem.readings - problem.outputs(state)) ** 2).sum())
         return -0.5 * misfit - float(surrogate.log_likelihood(state.x[None], part[None])[0])
 
-    first = problem.outputs(state)
-    assert first is not None
-    present = error(state, first, surrogate.after(state, 0)[1])
+    present = error(*surrogate.after(state, 0))
     visited, accepted = np.empty((steps, len(state.x))), 0
     for step in range(steps):
         proposal, part = surrogate.after(state, int(surrogate.rng.choice(LENGTHS)))
-        outputs = problem.outputs(proposal)
-        if outputs is not None:
-            other = error(proposal, outputs, part)
-            if np.log(surrogate.rng.random()) < other - present:
-                state, present, accepted = proposal, other, accepted + 1
+        proposed = error(proposal, part)
+        if np.log(surrogate.rng.random()) < proposed - present:
+            state, present, accepted = proposal, proposed, accepted + 1
         visited[step] = state.x
     return Chain(visited, accepted / max(steps, 1), np.diag(surrogate.posterior), state)
 

@@ -47,10 +47,10 @@ def test_of_a_linear_gaussian_problem_the_posterior_is_that_of_linear_regression
         design,
         np.zeros((30, 0)),
     )
-    chain = sample(problem, 600, rng)
+    chain = sample(problem, 300, rng)
     covariance = np.linalg.inv(np.eye(4) + design.T @ design)
     assert chain.acceptance > 0.99  # the surrogate is the problem
-    assert effective(chain.x).min() > 200
+    assert effective(chain.x).min() > 80
     np.testing.assert_allclose(chain.x.var(axis=0), np.diag(covariance), rtol=0.3)
     np.testing.assert_allclose(chain.linearised, np.diag(covariance), rtol=1e-6)
     mean = covariance @ design.T @ problem.readings
@@ -67,9 +67,9 @@ def test_without_a_likelihood_the_sampler_s_own_occupancy_is_left(monkeypatch):
     problem = Problem(truth, np.zeros(12), 2, lambda _: np.zeros(12), by_unknown, by_person, SPEC, EDGES)
     surrogate = chains._Surrogate(problem, rng)
     found, unknowns, accepted = [], [], []
-    for _ in range(200):
+    for _ in range(150):
         start = State(np.append(rng.uniform(-HALF, HALF, 2), rng.normal()), persons_of(rng))
-        chain = chains._run(problem, surrogate, start, 12)
+        chain = chains._run(problem, surrogate, start, 8)
         found.append(hourly(chain.last.persons))
         unknowns.append(chain.last.x)
         accepted.append(chain.acceptance)
@@ -112,18 +112,18 @@ def room(rng):
 
 @pytest.mark.slow
 def test_intervals_cover_the_truth_as_often_as_they_say(monkeypatch):
-    monkeypatch.setattr(chains, "LENGTHS", (8,))
+    monkeypatch.setattr(chains, "LENGTHS", (6,))
     rng = np.random.default_rng(3)
     covered, errors, variances = [], [], []
-    for _ in range(40):
+    for _ in range(20):
         problem = room(rng)
-        x = sample(problem, 250, rng).x
+        x = sample(problem, 100, rng).x
         low, high = np.percentile(x, [10, 90], axis=0)
         covered.append((low <= problem.truth.x) & (problem.truth.x <= high))
         errors.append((x.mean(axis=0) - problem.truth.x) ** 2)
         variances.append(x.var(axis=0))
     share = np.mean(covered)
-    assert 0.68 < share < 0.9  # 0.8; two standard deviations of 80 intervals are 0.09
+    assert 0.65 < share < 0.95  # 0.8; two standard deviations of 40 intervals are 0.13
     assert 0.6 < np.mean(errors) / np.mean(variances) < 1.6
     assert 0.05 < np.mean(variances) < 0.95
 
@@ -131,20 +131,23 @@ def test_intervals_cover_the_truth_as_often_as_they_say(monkeypatch):
 @pytest.fixture(scope="module")
 def house(small_fmu):
     fmu = small_fmu("house", attributes='canHandleVariableCommunicationStepSize="true"')
-    return parse_system(HOUSE.format(fmu=fmu.as_posix()).replace("0.05", "2.0").replace("hours = 48.0", "hours = 24.0") + INPUTS, fmu.parent / "house.toml")
+    return parse_system(
+        HOUSE.format(fmu=fmu.as_posix()).replace("0.05", "2.0").replace("hours = 48.0", "hours = 24.0") + INPUTS,
+        fmu.parent / "house.toml",
+    )
 
 
 def test_of_a_linear_fmu_both_ceilings_are_that_of_the_solution(house, tmp_path):
     """T = c + a RO S (1 - exp(-t / tau)) from the start of the past, a day before the window."""
     (found,) = reachable_ceilings(
-        house, tmp_path, contexts=[24.0], conditions=[("sensor", ["room"])], systems=4, steps=200
+        house, tmp_path, contexts=[24.0], conditions=[("sensor", ["room"])], systems=3, steps=100
     )
     by_area = 8.0 * 0.5 * 3 / np.sqrt(12) * (1 - np.exp(-(24 + np.arange(1.0, 25.0)) / 16.0))
     expected = 1 - 1 / (1 + (by_area**2).sum() / (2.0**2 + 0.01**2))
     assert expected < 0.99
     assert found.linearised[0] == pytest.approx(expected, abs=2e-4)
     assert found.r2[0] == pytest.approx(expected, abs=0.004)
-    assert found.low[0] <= found.r2[0] <= found.high[0] and found.effective[0] > 50
+    assert found.low[0] <= found.r2[0] <= found.high[0] and found.effective[0] > 20
 
 
 def test_rooms_are_kept_and_only_added_to(house, tmp_path, monkeypatch):
