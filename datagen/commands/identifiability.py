@@ -115,13 +115,21 @@ def identifiability(
     check_conditions(described, contexts, conditions, systems=systems, uncertain=uncertain)
     if exact:
         check_system(described, fmu_of(described))
-        over = {"contexts": contexts, "conditions": conditions, "systems": systems, "seed": seed}
-        found = reachable_ceilings(described, path, **over, steps=steps, uncertain=uncertain, quiet=report.quiet)
+        reachable = reachable_ceilings(
+            described,
+            path,
+            contexts=contexts,
+            conditions=conditions,
+            systems=systems,
+            seed=seed,
+            steps=steps,
+            uncertain=uncertain,
+            quiet=report.quiet,
+        )
         if as_json:
-            sys.stdout.write(json.dumps([one.model_dump() for one in found], indent=1, allow_nan=False) + "\n")
-        else:
-            for one in found:
-                _print_reachable(one)
+            sys.stdout.write(json.dumps([one.model_dump() for one in reachable], indent=1, allow_nan=False) + "\n")
+        for condition in [] if as_json else reachable:
+            _print_reachable(condition)
         return OK
     before = ceilings_at(path, described, overwrite=overwrite)
     if not overwrite:
