@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
+from rich.text import Text
 
 from shared.console import OK, NotNegative, Place, Positive, new_console
 from shared.errors import ZeroshotError
@@ -16,6 +17,7 @@ from shared.logs import USUAL, Reporting, logger
 from shared.watchdog import PATIENT, Patience
 
 if TYPE_CHECKING:
+    from datagen.limits.exact import Reachable
     from shared.ceiling import Ceiling
 
 console = new_console()
@@ -33,13 +35,15 @@ def identifiability(
     seed: NotNegative = 1,
     workers: Positive = 2,
     uncertain: Annotated[bool, Parameter(negative=())] = False,
+    exact: Annotated[bool, Parameter(negative=())] = False,
+    steps: Positive = 2000,
     out: Place | None = None,
     overwrite: Annotated[bool, Parameter(negative=())] = False,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
     patience: Patience = PATIENT,
     report: Reporting = USUAL,
 ) -> int:
-    """Print the ceiling of R2 for each parameter: the linearised limit from the FMU's sensitivities.
+    """Print the ceiling of R2 for each parameter: the linearised limit from the FMU's sensitivities, or the reachable.
 
     The result is written beside the system description, from where `datagen run` copies it into datasets. A parameter
     that the FMU accepts but ignores is refused.
@@ -67,16 +71,26 @@ def identifiability(
     uncertain
         Draw the description's [[uncertain]] constants for each system, and treat them as unknown: the ceiling for
         datasets of `datagen run --uncertain`.
+    exact
+        Print the reachable ceiling, beside the linearised one of the same rooms: chains visit each room's posterior
+        with the real simulator and with occupants as they are drawn. It takes minutes for each room and condition, in
+        one process. Rooms are kept in the folder `--out` as they are done, and a second run goes on from there.
+    steps
+        Simulations of each chain of `--exact`.
     out
-        File for the result, in place of `identifiability.json` beside the description. Required with the name of a
-        shipped system. Other conditions in the file are kept.
+        File for the result, in place of `identifiability.json` beside the description; with `--exact` a folder for
+        its rooms. Required with the name of a shipped system, and with `--exact`. Other conditions in the file are
+        kept.
     overwrite
         Replace a file of another system, of an earlier description or FMU, and ceilings of more systems.
     as_json
         Print JSON.
     """
+    if exact and out is None:
+        raise ZeroshotError("--exact: has no --out; expected a folder to keep its rooms in")
     from datagen.fmi.checking import check_system, fmu_of
     from datagen.limits.ceilings import ceilings_of, check_conditions
+    from datagen.limits.exact import reachable_ceilings
     from datagen.limits.keeping import ceilings_at, check_as_many
     from datagen.simulating.liveness import HARDLY, check_live_apart
     from shared.ceiling import FILE_NAME, in_words, write_ceilings
@@ -99,6 +113,24 @@ def identifiability(
         together = ",".join(name for names in sets for name in names)
         _log.info("%d sets of one channel each; %s would be one set of all", len(sets), together)
     check_conditions(described, contexts, conditions, systems=systems, uncertain=uncertain)
+    if exact:
+        check_system(described, fmu_of(described))
+        reachable = reachable_ceilings(
+            described,
+            path,
+            contexts=contexts,
+            conditions=conditions,
+            systems=systems,
+            seed=seed,
+            steps=steps,
+            uncertain=uncertain,
+            quiet=report.quiet,
+        )
+        if as_json:
+            sys.stdout.write(json.dumps([one.model_dump() for one in reachable], indent=1, allow_nan=False) + "\n")
+        for condition in [] if as_json else reachable:
+            _print_reachable(condition)
+        return OK
     before = ceilings_at(path, described, overwrite=overwrite)
     if not overwrite:
         check_as_many(path, before, described, contexts, conditions, systems=systems, uncertain=uncertain)
@@ -135,6 +167,22 @@ def identifiability(
         console.print("of one system there is no interval", markup=False)
     console.print(f"kept in {path}", markup=False)
     return OK
+
+
+def _print_reachable(one: Reachable) -> None:
+    low, high = one.acceptance
+    what = f"{one.context_hours:g} h, {one.noise}, {' '.join(one.channels)}"
+    console.print(f"R2 in {one.rooms} rooms, {what}; acceptance {low:.2f} to {high:.2f}", markup=False)
+    table = Table("parameter", "reachable ceiling", "linearised", "posterior means", "effective draws", box=None)
+    rows = zip(one.parameters, one.r2, one.low, one.high, one.linearised, one.scored, one.effective, strict=True)
+    for name, r2, low_, high_, linearised, scored, effective in rows:
+        value = "" if r2 is None else f"{r2:.3f}"
+        value += "" if low_ is None or high_ is None else f" [{low_:.3f}, {high_:.3f}]"
+        table.add_row(name, Text(value), f"{linearised:.3f}", f"{scored:.3f}", f"{effective:.0f}")
+    console.print(table)
+    if None in one.r2:
+        said = "Empty: in some room the chain has too few effective draws to say; more --steps help if it moves at all."
+        console.print(said, markup=False)
 
 
 def _interval(one: Ceiling) -> str:

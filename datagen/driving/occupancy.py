@@ -7,6 +7,8 @@ day's draw does not depend on which days are asked for.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,22 +21,47 @@ _JITTER_LIMIT = 3.0
 """Starts and ends of days stay within this many standard deviations of the usual."""
 
 
-def sample_occupancy(spec: Occupancy, rng: np.random.Generator, start: float, stop: float) -> Piecewise:
-    """Draw the persons present from ``start`` to ``stop`` [s since time zero]: whole numbers >= 0, kind ``previous``.
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """Independent uniform numbers that an occupancy is a fixed function of.
 
-    A day's draw depends on the state of ``rng`` and the day's number alone: another span of time shows the same persons
-    wherever the two overlap, also when it begins before time zero. The first time is ``start``; the others are changes.
+    ``usual`` (..., 3) are of headcount, arrival and duration, ``rows`` (..., days, numbers) of each day, and ``days``
+    (days,) the days' numbers since time zero. Leading axes are independent draws.
     """
-    usual = _draw_usual(spec, rng.random(3))
+
+    usual: np.ndarray
+    rows: np.ndarray
+    days: np.ndarray
+
+
+def sample_occupancy(spec: Occupancy, rng: np.random.Generator, start: float, stop: float) -> Piecewise:
+    """Draw the persons present from ``start`` to ``stop`` [s since time zero]; see :func:`draw_numbers`."""
+    return occupancy_of(spec, draw_numbers(spec, rng, start, stop), start, stop)
+
+
+def draw_numbers(spec: Occupancy, rng: np.random.Generator, start: float, stop: float) -> Draw:
+    """Draw what makes an occupancy from ``start`` to ``stop`` [s since time zero].
+
+    A day's draw depends on the state of ``rng`` and the day's number alone: another span of time shows the same
+    persons wherever the two overlap, also when it begins before time zero.
+    """
+    usual = rng.random(3)
     after, before = (np.random.default_rng(seed) for seed in rng.integers(2**63, size=2))
-    first = int(np.floor(start / _HOUR / _DAY)) - _lead_days(spec)
+    first = int(np.floor(start / _HOUR / _DAY)) - lead_days(spec)
     last = int(np.ceil(stop / _HOUR / _DAY))
     slots = _slots(spec)
     # two sequences of days that both start at time zero, one each way, each read in order from its beginning
     rows = [after.random((max(last, 0), slots)), before.random((max(-first, 0), slots))]
     days = np.arange(first, last)
-    u = np.concatenate([rows[1][::-1], rows[0]])[days + max(-first, 0)]
-    times, changes = _steps(spec, usual, u, days)
+    return Draw(usual, np.concatenate([rows[1][::-1], rows[0]])[days + max(-first, 0)], days)
+
+
+def occupancy_of(spec: Occupancy, draw: Draw, start: float, stop: float) -> Piecewise:
+    """The persons present from ``start`` to ``stop`` [s since time zero] that a draw makes, kind ``previous``.
+
+    Whole numbers >= 0. The first time is ``start``; the others are changes.
+    """
+    times, changes = _steps(spec, _draw_usual(spec, draw.usual), draw.rows, draw.days)
     times, changes = times.ravel() * _HOUR, changes.ravel()
     order = np.argsort(times, kind="stable")
     times, persons = times[order], np.cumsum(changes[order])
@@ -67,14 +94,21 @@ def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) ->
     It is what is known before any measurement. ``edges`` are the strictly increasing times between the intervals, shape
     (n + 1,) [s since time zero]; a draw is an independent system. Raises ValueError if the edges do not increase.
     """
-    edges = np.asarray(edges, dtype=np.float64) / _HOUR
+    edges = np.asarray(edges, dtype=np.float64)
     if edges.ndim != 1 or edges.size < 2 or (np.diff(edges) <= 0).any():
         raise ValueError("edges of intervals must be at least two and strictly increase")
     rng = np.random.default_rng(seed)
-    intervals = len(edges) - 1
-    days = np.arange(int(np.floor(edges[0] / _DAY)) - _lead_days(spec), int(np.ceil(edges[-1] / _DAY)))
-    usual = _draw_usual(spec, rng.random((3, draws, 1)))
-    times, changes = _steps(spec, usual, rng.random((draws, len(days), _slots(spec))), days)
+    first, last = edges[0] / _HOUR / _DAY, edges[-1] / _HOUR / _DAY
+    days = np.arange(int(np.floor(first)) - lead_days(spec), int(np.ceil(last)))
+    usual = rng.random((3, draws)).T
+    return occupancy_means(spec, Draw(usual, rng.random((draws, len(days), _slots(spec))), days), edges)
+
+
+def occupancy_means(spec: Occupancy, draw: Draw, edges: np.ndarray) -> np.ndarray:
+    """Mean persons in each interval between ``edges`` (n + 1,) [s] of many draws (draws, ...), shape (draws, n)."""
+    edges, draws, intervals = edges / _HOUR, len(draw.rows), len(edges) - 1
+    usual = _draw_usual(spec, np.moveaxis(draw.usual, -1, 0)[..., None])
+    times, changes = _steps(spec, usual, draw.rows, draw.days)
     system = np.broadcast_to(np.arange(draws)[:, None, None], times.shape).ravel()
     times, changes = times.ravel(), changes.ravel()
     # a step in interval j counts for the rest of j and for all later intervals; steps before the first count fully
@@ -96,7 +130,7 @@ def _slots(spec: Occupancy) -> int:
     return 5 + 3 * spec.gaps[1]
 
 
-def _lead_days(spec: Occupancy) -> int:
+def lead_days(spec: Occupancy) -> int:
     """How many days before may still reach into a day: work that goes on after midnight."""
     longest = spec.arrival[1] + spec.duration[1] + 2 * _JITTER_LIMIT * spec.jitter
     return int(np.ceil(longest / _DAY))

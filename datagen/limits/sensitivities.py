@@ -204,6 +204,14 @@ class _FromThePast:
         ).outputs
 
 
+def simulator_of(system: System) -> Simulator:
+    """The simulator of a system: one in each process."""
+    key = f"{system.canonical()} {system.fmu_path} {sha256_of(system.fmu_path)}"
+    if key not in _SIMULATORS:
+        _SIMULATORS[key] = Simulator(system)
+    return _SIMULATORS[key]
+
+
 def random_window(system: System, context: float, seed: int, index: int, uncertain: bool = False) -> Window:
     """Sensitivities of a random window of ``context`` [h] of a random system, from its record as the farm makes it.
 
@@ -212,10 +220,7 @@ def random_window(system: System, context: float, seed: int, index: int, uncerta
     record's past leads to, so that a window on a record's first hours, where the record is not warmed up, begins with
     the state of the FMU itself, which is known, and shows how it settles.
     """
-    key = f"{system.canonical()} {system.fmu_path} {sha256_of(system.fmu_path)}"
-    if key not in _SIMULATORS:
-        _SIMULATORS[key] = Simulator(system)
-    simulator = _SIMULATORS[key]
+    simulator = simulator_of(system)
     step = system.experiment.step
     span = context * HOUR
     latest = max(int((system.experiment.hours * HOUR - span) // step), 0)
