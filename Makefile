@@ -5,6 +5,8 @@ READY := $(VENV)/.ready
 
 # small problems: a second thread of the linear algebra costs more than it brings
 export OMP_NUM_THREADS ?= 1
+# hundreds of processes import the packages: each would compile them anew
+export PYTHONDONTWRITEBYTECODE :=
 
 # fast tests of the documents, which are checks
 CHECKED := tests/test_readme.py tests/docs/test_plain_english.py
