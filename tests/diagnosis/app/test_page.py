@@ -117,7 +117,7 @@ def test_a_drifting_sensor_is_named_and_the_report_is_one_file(browser, house, h
     system = house()
     described = system.path.with_name("house-app.toml")
     described.write_text(system.path.read_text() + EFFECTS)
-    with xr.open_dataset(house_recorded(tmp_path, hours=72, seed=5)) as recorded:
+    with xr.open_dataset(house_recorded(tmp_path, hours=120, seed=5, before=240)) as recorded:
         table = recorded.to_dataframe()
     log = pd.DataFrame({"time": table.index.round("s"), "room_degC": table["room"].to_numpy()})
     log["room_degC"] += 12.0 / 30 * np.arange(len(log)) / 24
@@ -128,7 +128,7 @@ def test_a_drifting_sensor_is_named_and_the_report_is_one_file(browser, house, h
         page.goto(address)
         page.locator(".filepond--drop-label").wait_for()
         page.set_input_files("input[type=file]", tmp_path / "log.csv")
-        page.get_by_text("72 rows").wait_for()
+        page.get_by_text("120 rows").wait_for()
         chosen = [  # the columns that were guessed come first
             ("irradiance (S)", "kW/m2", "instants"),
             ("persons (N)", "persons", "means"),
@@ -142,7 +142,7 @@ def test_a_drifting_sensor_is_named_and_the_report_is_one_file(browser, house, h
             page.get_by_label("in", exact=True).nth(k).select_option(unit)
             page.get_by_label("readings are", exact=True).nth(k).select_option(reading)
         page.get_by_role("button", name="Make the recording").click()
-        page.get_by_text("72 steps of 3600 s").wait_for()
+        page.get_by_text("120 steps of 3600 s").wait_for()
         page.get_by_role("button", name="Diagnosis").click()
         page.get_by_text("Diagnosis: done in").wait_for(timeout=600_000)
         page.get_by_text("Cause: The room sensor drifts").wait_for()
