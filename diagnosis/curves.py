@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from PIL import Image
 
-from diagnosis.pages import long_named
 from shared.units import ABSOLUTE
 from shared.variables import ZERO_CELSIUS, Output, Parameter, spaced
 from trainer.figures import Picture
@@ -75,11 +73,6 @@ def at_day(zero: np.datetime64, second: float, *, minutes: bool = False) -> str:
     return f"{text} {at:%H:%M}" if minutes or (at.hour, at.minute) != (0, 0) else text
 
 
-def axis_label(output: Output, unit: str) -> str:
-    """What an output is, the name that the model has for it, and the unit that it is drawn in, in short lines."""
-    return f"{fill(long_named(output.name, output.long_name), 22)}\n[{unit}]"
-
-
 def range_ends(panel: Axes, parameter: Parameter, row: float) -> None:
     """Write the ends of a parameter's range, which spans 0 to 1, beside its row, and "log" where its scale is."""
     log = ", log" if parameter.scale == "log" else ""
@@ -106,6 +99,12 @@ LABELS = {"measured": "measured", "before": "model", "after": "model with the na
 COLOURS = {"measured": GREY, "before": ORANGE, "after": BLUE, "model": ORANGE}
 
 
+def dates(zero: np.datetime64, time: np.ndarray) -> np.ndarray:
+    """Dates of times [s since ``zero``], to the millisecond."""
+    stamps = zero.astype("datetime64[ms]") + np.round(np.asarray(time) * 1000).astype("timedelta64[ms]")
+    return stamps.astype("datetime64[ns]")
+
+
 def curves(time: np.ndarray, zero: np.datetime64, outputs: Sequence[Output], **series: np.ndarray | None) -> xr.Dataset:
     """Curves as a Dataset.
 
@@ -123,12 +122,11 @@ def curves(time: np.ndarray, zero: np.datetime64, outputs: Sequence[Output], **s
     Dataset
         Variables over (output, time), with ``unit`` and ``long_name`` of each output as coordinates.
     """
-    stamps = zero.astype("datetime64[ms]") + np.round(np.asarray(time) * 1000).astype("timedelta64[ms]")
     return xr.Dataset(
         {name: (("output", "time"), values) for name, values in series.items() if values is not None},
         coords={
             "output": [one.name for one in outputs],
-            "time": stamps.astype("datetime64[ns]"),
+            "time": dates(zero, time),
             "unit": ("output", [one.unit for one in outputs]),
             "long_name": ("output", [one.long_name or one.name for one in outputs]),
         },

@@ -17,7 +17,7 @@ import xarray as xr
 from panel.widgets.input import FileDropper
 
 from diagnosis.app.job import Job
-from diagnosis.app.pictures import figures, intervals, legend, spark
+from diagnosis.app.pictures import figures, intervals, spark
 from diagnosis.app.project import (
     ENDINGS,
     MOST,
@@ -122,12 +122,10 @@ class Page:
         The server's one child process, if there is one, under ``job``: tabs come and go, it stays.
     zone
         The browser's time zone, a first guess of the clock's.
-    phone
-        Whether it is a phone's browser.
     """
 
-    def __init__(self, project: Project, jobs: dict[str, Job], *, zone: str = "", phone: bool = False) -> None:
-        self.project, self.jobs, self.zone, self.phone = project, jobs, zone, phone
+    def __init__(self, project: Project, jobs: dict[str, Job], *, zone: str = "") -> None:
+        self.project, self.jobs, self.zone = project, jobs, zone
         self.targets: dict[str, Target] = {one.key: one for one in project.targets()}
         self.look: Look | None = None
         self.rows: dict[str, tuple[Any, Any, Any, Any]] = {}
@@ -424,7 +422,7 @@ class Page:
         for name, one in drawn.items():
             values, unit = readable(data[name].values.astype(float), one.unit)
             panels.append((f"{name}: {re.sub(r' [[].*[]]$', '', one.origin)}", unit, time, {"measured": values}))
-        self.picture.objects = [figures(panels, height=130, phone=self.phone)]
+        self.picture.objects = [figures(panels, height=90)]
         self._show(self.fourth, self.fifth, self.sixth)
         self._recipe()
 
@@ -529,8 +527,7 @@ class Page:
         time = drawn["time"].values
         from_ = None if context is None else time[0] + np.timedelta64(round(context * 3600), "s")
         panels = [(words, unit, time, values) for words, unit, values in shown(drawn)]
-        key = html(f"<p class='quiet'>{legend([str(name) for name in drawn.data_vars])}</p>")
-        return [key, figures(panels, fitted_until=from_, phone=self.phone)]
+        return [figures(panels, fitted_until=from_)]
 
     def _report(self) -> io.BytesIO:
         return io.BytesIO(combined(self.project).encode())

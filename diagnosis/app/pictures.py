@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
 import numpy as np
 import panel as pn
-from bokeh import models as bokeh_models
-from bokeh import plotting
 
 from diagnosis.app.project import Column
 from diagnosis.calibrating.schema import Calibration
 from diagnosis.curves import BLUE, COLOURS, GREY, LABELS, ORANGE, RED
+from diagnosis.panels import Curve, Panel, Strips, figure, models, picture
 from shared.system import System
-
-figure: Any = plotting.figure
-models: Any = bokeh_models
-"""Of any type, both: bokeh's properties are set by names that a type checker does not know."""
-STAMPS = {"@time": "datetime"}
 
 
 def spark(one: Column) -> str:
@@ -35,12 +29,6 @@ def spark(one: Column) -> str:
         "<svg viewBox='0 0 220 32' width='220' height='32' preserveAspectRatio='none' role='img'"
         f" aria-label='{escape(one.name, quote=True)}'><polyline points='{points}' fill='none' stroke='{BLUE}'/></svg>"
     )
-
-
-def legend(names: Collection[str]) -> str:
-    """What the colours of curves are, as HTML."""
-    known = {**{name: (COLOURS[name], label) for name, label in LABELS.items()}, "low": (ORANGE, "90 % band")}
-    return " ".join(f"<span style='color:{known[one][0]}'>■</span> {known[one][1]}" for one in known if one in names)
 
 
 def intervals(report: Calibration, system: System) -> Any:
@@ -69,11 +57,10 @@ def intervals(report: Calibration, system: System) -> Any:
 def figures(
     panels: Sequence[tuple[str, str, np.ndarray, dict[str, np.ndarray]]],
     *,
-    height: int = 210,
+    height: int = 170,
     fitted_until: np.datetime64 | None = None,
-    phone: bool = False,
 ) -> Any:
-    """Pictures one below the other that zoom together; the first has the tools for all.
+    """Pictures one below the other that zoom together.
 
     Parameters
     ----------
@@ -81,56 +68,19 @@ def figures(
         Of each: what it is, its unit, times (steps,), and curves (steps,) by name as in
         :data:`diagnosis.curves.LABELS`.
     height
-        Of a picture [px].
+        Of a picture without its axis [px].
     fitted_until
         The end of what a fit has seen, on a grey ground.
-    phone
-        Whether a finger that moves over a picture is to move the page rather than to zoom.
     """
-    made: list[Any] = []
+    made = []
     for words, unit, time, values in panels:
-        together = {"x_range": made[0].x_range} if made else {}
-        one = figure(
-            height=height,
-            sizing_mode="stretch_width",
-            x_axis_type="datetime",
-            title=f"{words} [{unit}]",
-            tools=[],
-            toolbar_location=None if made else "above",
-            **together,
-        )
-        zoom, pan, wheel = (
-            models.BoxZoomTool(dimensions="width"),
-            models.PanTool(dimensions="width"),
-            models.WheelZoomTool(dimensions="width"),
-        )
-        one.add_tools(zoom, pan, wheel, models.ResetTool())
-        one.toolbar.active_drag, one.toolbar.logo = None if phone else zoom, None
-        if fitted_until is not None:
-            one.varea([time[0], fitted_until], *_ends(values), color=GREY, alpha=0.15)
+        curves = [
+            Curve(label, COLOURS[name] if len(values) > 1 else BLUE, values[name])
+            for name, label in LABELS.items()
+            if name in values
+        ]
         if {"low", "high"} <= values.keys():
-            source = models.ColumnDataSource({"time": time, "low": values["low"], "high": values["high"]})
-            band = models.Band(
-                base="time", lower="low", upper="high", source=source, fill_color=ORANGE, fill_alpha=0.25
-            )
-            one.add_layout(band)
-        for key in [name for name in LABELS if name in values]:
-            source = models.ColumnDataSource({"time": time, "value": values[key]})
-            colour = COLOURS[key] if len(values) > 1 else BLUE
-            one.line("time", "value", source=source, color=colour, line_width=1.3)
-        one.xaxis.formatter = models.DatetimeTickFormatter(days="%d %b", hours="%d %b %H h", months="%b %Y")
-        one.yaxis.ticker.desired_num_ticks, one.title.text_font_size = 4, "10pt"
-        one.add_tools(models.HoverTool(mode="vline", tooltips="@time{%d %b %H:%M}: @value{0.00}", formatters=STAMPS))
-        made.append(one)
-    return pn.Column(
-        *(pn.pane.Bokeh(one, sizing_mode="stretch_width", margin=(0, 2)) for one in made),
-        sizing_mode="stretch_width",
-        margin=0,
-    )
-
-
-def _ends(values: dict[str, np.ndarray]) -> tuple[list[float], list[float]]:
-    """The lowest and the highest of all curves, twice each."""
-    seen = [one[np.isfinite(one)] for one in values.values() if np.isfinite(one).any()]
-    low, high = min(float(one.min()) for one in seen), max(float(one.max()) for one in seen)
-    return [low, low], [high, high]
+            curves.insert(0, Curve("90 % band", ORANGE, np.stack([values["low"], values["high"]])))
+        fitted = [] if fitted_until is None else [Strips("fitted", "#eeeff0", time[:1], np.array([fitted_until]))]
+        made.append(Panel(words, unit, time, curves, fitted))
+    return pn.pane.Bokeh(picture(made, height=height), sizing_mode="stretch_width", margin=0)

@@ -526,19 +526,19 @@ class Project:
 def combined(project: Project) -> str:
     """All answers that are there as one page: self-contained, as each is."""
     parts: list[str] = []
-    styles: dict[str, None] = {}
+    head: dict[str, None] = {}
     for step in STEPS:
         if project.done(step):
             page = project.page(step)
-            styles |= dict.fromkeys(re.findall(r"<style>(.*?)</style>", page, flags=re.S))
-            body = re.search(r"<body[^>]*>(.*)</body>", page, flags=re.S)
-            parts.append(f'<section id="{step}">{body[1] if body else page}</section>')
+            above, _, body = page.removesuffix("</body>\n</html>").partition("</head>\n<body>")
+            head |= dict.fromkeys(re.findall(r"<style>.*?</style>|<script.*?</script>", above, flags=re.S))
+            parts.append(f'<section id="{step}">{body}</section>')
     if not parts:
         raise RecordingError(f"{project.folder}: has no answer yet; expected a calibration, forecast or diagnosis")
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
         f'content="width=device-width, initial-scale=1"><title>{project.described.name}</title>'
-        f"<style>{''.join(styles)} section + section {{ margin-top: 4rem; border-top: 2px solid #1b1f24; }}</style>"
+        f"{''.join(head)}<style>section + section {{ margin-top: 4rem; border-top: 2px solid #1b1f24; }}</style>"
         f"</head><body>{''.join(parts)}</body></html>"
     )
 

@@ -120,8 +120,7 @@ def page_server(project: Project, jobs: dict[str, Job], port: int = 0) -> tuple[
 
         def loaded() -> None:
             browser = pn.state.browser_info
-            phone = "Mobi" in str(pn.state.headers.get("User-Agent", ""))  # as browsers' makers recommend to tell
-            made = Page(project, jobs, zone=(browser and browser.timezone) or "", phone=phone)
+            made = Page(project, jobs, zone=(browser and browser.timezone) or "")
             view.objects = [made.view]
             pn.state.add_periodic_callback(made.poll, period=POLL)
             if browser is not None:

@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from datagen.driving.tables import Piecewise
+from diagnosis import panels
 from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.schema import CORRELATED, Calibration, Parameter
-from diagnosis.curves import BLUE, GREY, ORANGE, RED, axis_label, calendar, embedded, figure, range_ends, readable
+from diagnosis.curves import BLUE, GREY, ORANGE, RED, dates, embedded, figure, range_ends, readable
 from diagnosis.fitting.runs import LIMIT, within_limit
 from diagnosis.pages import long_named, page_environment, whole, within_sentence
+from diagnosis.panels import Curve, Panel
 from diagnosis.physics import hints, warnings
 from diagnosis.recording import DAY, HOUR
 from shared.numbers import number
@@ -213,61 +214,41 @@ def render(done: Calibrated) -> str:
         within=lambda name, value: within_limit(value, relative.get(name)),
         warnings=warnings(done.report.physics),
         summary=sentences(done.report) + hints(done.report.physics),
-        fit_picture=_fit(done),
+        bokeh=panels.library(),
+        fit_picture=panels.embedded(_fit(done)),
         parameter_picture=_parameters(done),
         correlation_picture=_correlation(done),
-        residual_picture=_residuals(done),
-        input_picture=inputs,
+        residual_picture=panels.embedded(_residuals(done), height=110),
+        input_picture=panels.embedded(inputs, height=70),
         not_drawn=rest,
     )
 
 
-def _days(done: Calibrated) -> np.ndarray:
-    return np.asarray((done.problem.time - done.problem.drive.start) / DAY)
-
-
-def _fit(done: Calibrated) -> str:
-    problem, names = done.problem, list(done.report.outputs)
-    made, panels = figure(len(names), height=2.1)
-    for panel, name in zip(panels, names, strict=True):
+def _fit(done: Calibrated) -> list[Panel]:
+    problem = done.problem
+    time, made = dates(problem.recording.zero, problem.time), []
+    for name, one in done.report.outputs.items():
         k = problem.system.output_names.index(name)
         output = problem.system.outputs[k]
         measured, unit = readable(problem.measured[k], output.unit)
         simulated, _ = readable(done.fit.around.outputs[k], output.unit)
-        panel.plot(_days(done), measured, ".", ms=2.5, color=BLUE, label="measured")
-        panel.plot(_days(done), simulated, lw=1.1, color=ORANGE, label="fitted")
-        panel.set_ylabel(axis_label(output, unit), fontsize=8)
-        if not done.report.outputs[name].used:
-            panel.set_title("replayed: drives the model, not fitted", fontsize=8, loc="right")
-        widened(panel, SPAN * float(problem.floor[k]))
-    panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=8)
-    calendar(panels[-1], done.problem.recording.began)
-    panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
-    return embedded(made)
+        title = long_named(name, output.long_name) + ("" if one.used else ", replayed: drives the model, not fitted")
+        curves = [Curve("measured", BLUE, measured, "dots"), Curve("fitted", ORANGE, simulated)]
+        made.append(Panel(title, unit, time, curves, span=SPAN * float(problem.floor[k])))
+    return made
 
 
-def widened(panel: Axes, span: float) -> None:
-    """Let the vertical axis of a panel span as much at least, about what it shows [unit of the panel]."""
-    low, high = panel.get_ylim()
-    if high - low < span:
-        middle = 0.5 * (low + high)
-        panel.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
-
-
-def _residuals(done: Calibrated) -> str:
+def _residuals(done: Calibrated) -> list[Panel]:
     problem = done.problem
-    names = [name for name, one in done.report.outputs.items() if one.used]
-    made, panels = figure(len(names), height=1.7)
-    for panel, name in zip(panels, names, strict=True):
+    time, made = dates(problem.recording.zero, problem.time), []
+    for name in [name for name, one in done.report.outputs.items() if one.used]:
         k = problem.system.output_names.index(name)
-        left = problem.measured[k] - done.fit.around.outputs[k]
-        band = 1.96 * problem.floor[k]
-        panel.axhspan(-band, band, color=GREY, alpha=0.2, lw=0)
-        panel.plot(_days(done), left, lw=0.8, color=RED)
-        panel.set_ylabel(axis_label(problem.system.outputs[k], problem.system.outputs[k].unit), fontsize=8)
-    calendar(panels[-1], done.problem.recording.began)
-    panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
-    return embedded(made)
+        band = 1.96 * float(problem.floor[k])
+        noise = Curve("two standard deviations of the declared noise", GREY, np.array([[-band], [band]]))
+        left = Curve("measured minus fitted", RED, problem.measured[k] - done.fit.around.outputs[k])
+        output = problem.system.outputs[k]
+        made.append(Panel(long_named(name, output.long_name), output.unit, time, [noise, left]))
+    return made
 
 
 def _parameters(done: Calibrated) -> str:
@@ -310,10 +291,10 @@ def _correlation(done: Calibrated) -> str:
     return embedded(made)
 
 
-def _inputs(done: Calibrated) -> tuple[str, list[str]]:
+def _inputs(done: Calibrated) -> tuple[list[Panel], list[str]]:
     """What drove the model: inputs that move, and the persons that were found where nobody counted them.
 
-    Returns the picture, and the names of inputs that move and are not drawn.
+    Returns the panels, and the names of inputs that move and are not drawn.
     """
     problem = done.problem
     system, nuisance = problem.system, problem.nuisance
@@ -329,20 +310,18 @@ def _inputs(done: Calibrated) -> tuple[str, list[str]]:
         if place not in found and np.ptp(values := problem.drive.signals[one.name].at(time)) > 0
     ]
     moving, rest = moving[:_MANY], moving[_MANY:]
-    made, panels = figure(max(len(moving) + len(found), 1), height=1.3)
-    for panel, (one, values) in zip(panels, moving, strict=False):
+    zero, made = problem.recording.zero, []
+    for one, values in moving:
         shown, unit = readable(values, one.unit)
-        panel.plot(_days(done), shown, lw=0.9, color=GREY)
-        panel.set_ylabel(f"{one.name}\n[{unit}]", fontsize=8)
+        made.append(Panel(one.name, unit, dates(zero, problem.time), [Curve("value", GREY, shown)]))
     levels = done.problem.values(done.fit.z)[problem.size - len(nuisance.levels) :]
-    for panel, (place, (begin, heights)) in zip(panels[len(moving) :], found.items(), strict=False):
+    for place, (begin, heights) in found.items():
         level = next((x for one, x in zip(nuisance.levels, levels, strict=True) if one.column == place), 1.0)
         grid = np.arange(problem.drive.start, problem.drive.stop, 0.5 * HOUR)
         persons = np.zeros(len(grid))
         persons[np.searchsorted(grid, begin - 1.0)] = level * heights
         signal = Piecewise(grid, persons, "previous")
-        panel.step((grid - grid[0]) / DAY, signal.at(grid), where="post", lw=0.9, color=ORANGE)
-        panel.set_ylabel(f"{system.inputs[place].name}\ninferred", fontsize=8)
-    calendar(panels[-1], done.problem.recording.began)
-    panels[-1].set_xlabel(f"days since {done.problem.recording.began}")
-    return embedded(made), [one.name for one, _ in rest]
+        values, unit = signal.at(grid), system.inputs[place].unit
+        name, middle = f"{system.inputs[place].name}, inferred", dates(zero, grid + 0.25 * HOUR)
+        made.append(Panel(name, unit, middle, [Curve("value", ORANGE, values)], stepwise=True))
+    return made, [one.name for one, _ in rest]

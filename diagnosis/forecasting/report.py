@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.calibrating.report import sentences
-from diagnosis.curves import BLUE, ORANGE, axis_label, calendar, embedded, figure, readable
+from diagnosis.curves import BLUE, ORANGE, readable
 from diagnosis.forecasting.forecasted import Forecast, Forecasted, about_failed
 from diagnosis.pages import long_named, page_environment, percent, whole
+from diagnosis.panels import Curve, Panel, Strips, embedded, library
 from diagnosis.physics import hints, warnings
-from diagnosis.recording import DAY
 from shared.numbers import number
 from shared.variables import spaced
 
@@ -68,29 +68,25 @@ def render(done: Forecasted) -> str:
             warnings=warnings(done.report.physics),
             summary=answer(done.report, names) + sentences(done.report.calibration) + hints(done.report.physics),
             outputs=names,
-            picture=_picture(done),
+            picture=embedded(_picture(done), height=160),
+            bokeh=library(),
             given=done.given,
         )
     )
 
 
-def _days(time: np.ndarray) -> np.ndarray:
-    """Days since the first step began, at the ends of the steps, of times of these [s]."""
-    return np.asarray((time - time[0] + (time[1] - time[0])) / DAY)
-
-
-def _picture(done: Forecasted) -> str:
-    days = _days(done.time)
-    made, panels = figure(len(done.system.outputs), height=2.2)
-    for k, (panel, output) in enumerate(zip(panels, done.system.outputs, strict=True)):
+def _picture(done: Forecasted) -> list[Panel]:
+    time = done.curves()["time"].values
+    step = time[1] - time[0]
+    context = Strips("the context", "#f0f4f9", time[:1] - step, time[done.context - 1 : done.context])
+    made = []
+    for k, output in enumerate(done.system.outputs):
         low, unit = readable(done.low[k], output.unit)
-        high, _ = readable(done.high[k], output.unit)
-        panel.axvspan(0.0, days[done.context - 1], color=BLUE, alpha=0.06, lw=0)
-        panel.fill_between(days, low, high, color=ORANGE, alpha=0.25, lw=0, label=f"{done.report.level:.0%} band")
-        panel.plot(days, readable(done.measured[k], output.unit)[0], lw=1.0, color=BLUE, label="measured")
-        panel.plot(days, readable(done.centre[k], output.unit)[0], "--", lw=1.0, color=ORANGE, label="model")
-        panel.set_ylabel(axis_label(output, unit), fontsize=8)
-    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8)
-    calendar(panels[-1], done.report.begin)
-    panels[-1].set_xlabel(f"days since {done.report.begin}; shaded: the context")
-    return embedded(made)
+        high, measured, centre = (readable(one[k], output.unit)[0] for one in (done.high, done.measured, done.centre))
+        curves = [
+            Curve(f"{done.report.level:.0%} band", ORANGE, np.stack([low, high])),
+            Curve("measured", BLUE, measured),
+            Curve("model", ORANGE, centre, "dashed"),
+        ]
+        made.append(Panel(long_named(output.name, output.long_name), unit, time, curves, [context]))
+    return made

@@ -5,22 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagnosis.curves import (
-    BLUE,
-    GREY,
-    ORANGE,
-    RED,
-    at_day,
-    axis_label,
-    calendar,
-    embedded,
-    figure,
-    range_ends,
-    readable,
-)
+from diagnosis import panels
+from diagnosis.curves import BLUE, GREY, ORANGE, RED, at_day, dates, embedded, range_ends
 from diagnosis.fitting.runs import LIMIT, within_limit
 from diagnosis.gap.concluded import Diagnosis
 from diagnosis.gap.limits import added
@@ -30,9 +18,10 @@ from diagnosis.gap.sentences import headline
 from diagnosis.gap.shrinkage import left_by
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
 from diagnosis.pages import long_named, page_environment, whole
+from diagnosis.panels import Curve, Panel, Strips
 from diagnosis.physics import hints, warnings
 from diagnosis.recording import DAY
-from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, draw_sources
+from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, source_panels
 from diagnosis.where.sources import Verdict
 
 _HATCH = "#b8a468"
@@ -40,43 +29,32 @@ LINES = 5
 """Limits and places that are told at once; more lie behind a click."""
 
 
-def draw_outputs(done: Diagnosis) -> Figure:
+def output_panels(done: Diagnosis) -> list[Panel]:
     """Residuals of the base model and with the chosen effects; grey is what noise allows.
 
     With effects both are of the fits that do without the hatched part.
     """
     first = done.search.stages[0]
-    base, found = first.twins.residual, None
-    if done.apart is not None:
-        colours = done.search.last.colours
-        base, found = (left_by(one, colours, done.whole.observed) for one in (done.apart.before, done.apart.after))
+    residuals, kept = {"base model": (ORANGE, first.twins.residual)}, []
     problem = first.lin.problem
-    channels = first.grams.channels
-    made, panels = figure(len(channels), height=1.7)
-    days = (problem.time - problem.recording.start) / DAY
-    for panel, k in zip(panels, channels, strict=True):
+    zero, time = problem.recording.zero, problem.time
+    if done.apart is not None:
+        before, after = (
+            left_by(one, done.search.last.colours, done.whole.observed) for one in (done.apart.before, done.apart.after)
+        )
+        residuals = {"base model": (ORANGE, before), added(done.report.verdict): (BLUE, after)}
+        turns = np.diff(done.scored.astype(int), prepend=0, append=0)
+        begins, ends = time[turns[:-1] > 0] - problem.recording.step, time[turns[1:] < 0]
+        kept = [Strips("days kept from the fit", _HATCH, dates(zero, begins), dates(zero, ends), hatched=True)]
+    made = []
+    for k in first.grams.channels:
         output = problem.system.outputs[k]
-        size = float(np.hypot(*first.colours.best[k][:2]))
-        panel.axhspan(-2 * size, 2 * size, color=GREY, alpha=0.2, lw=0, label="two standard deviations of noise")
-        panel.plot(days, base[k], color=ORANGE, lw=0.9, label="base model")
-        if found is not None:
-            panel.plot(days, found[k], color=BLUE, lw=0.9, label=added(done.report.verdict))
-            _hatch(panel, days - problem.recording.step / DAY, days, done.scored)
-        panel.set_ylabel(axis_label(output, readable(np.zeros(1), output.unit)[1].replace("°C", "K")), fontsize=8)
-    panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, ncols=4, frameon=False)
-    calendar(panels[-1], problem.recording.began)
-    panels[-1].set_xlabel("days of the recording, and the date on which they begin")
+        size = 2 * float(np.hypot(*first.colours.best[k][:2]))
+        noise = Curve("two standard deviations of noise", GREY, np.array([[-size], [size]]))
+        both = [Curve(name, colour, of[k]) for name, (colour, of) in residuals.items()]
+        title, unit = long_named(output.name, output.long_name), output.unit.replace("°C", "K")
+        made.append(Panel(title, unit, dates(zero, time), [noise, *both], kept))
     return made
-
-
-def _hatch(panel: Axes, begins: np.ndarray, ends: np.ndarray, scored: np.ndarray) -> None:
-    """Hatch runs of scored steps from the begin of the first to the end of the last, all (steps,) [d]."""
-    turns = np.flatnonzero(np.diff(scored.astype(int), prepend=0, append=0))
-    for first, after in zip(turns[::2], turns[1::2], strict=True):
-        panel.axvspan(
-            begins[first], ends[after - 1], facecolor="none", edgecolor=_HATCH, hatch="//", lw=0, zorder=0,
-            label="days kept from the fit" if first == turns[0] else None,
-        )  # fmt: skip
 
 
 def draw_parameters(done: Diagnosis) -> Figure:
@@ -141,6 +119,8 @@ def render(done: Diagnosis) -> str:
         constants=relative,
         within=lambda name, value: within_limit(value, relative.get(name)),
         pictures=_pictures(done),
+        missing=_missing(done),
+        bokeh=panels.library(),
     )
 
 
@@ -162,19 +142,25 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
     """All pictures by name, those that there is something to show in."""
     where, zero = done.where.among_all(), done.whole.recording.zero
     made: dict[str, Figure] = {
-        "outputs": draw_outputs(done),
         "cells": draw_cells(where.residuals, where.cells),
         "episodes": draw_episodes(where.residuals, where.episodes, zero=zero),
         "parameters": draw_parameters(done),
     }
     if where.correlations is not None:
         made["correlations"] = draw_correlations(where.residuals, where.correlations)
+    zooming = {"outputs": output_panels(done)}
     if where.sources is not None:
         explained = None
         if done.where_left is not None:
             gone = where.residuals.observed - done.where_left.residuals.observed
             explained = where.sources.courses(gone)
-        made["sources"] = draw_sources(
-            where.residuals, where.sources, answered=answered_by(done), explained=explained, zero=zero
-        )
-    return {name: embedded(one) for name, one in made.items()}
+        zooming["sources"] = source_panels(where.residuals, where.sources, zero, explained=explained)
+    drawn = {name: panels.embedded(one) for name, one in zooming.items()}
+    return {name: embedded(one) for name, one in made.items()} | drawn
+
+
+def _missing(done: Diagnosis) -> list[str]:
+    """What is said of each source that the balances may lack."""
+    where = done.where.among_all()
+    labels = dict(zip(where.residuals.names, where.residuals.labels, strict=True))
+    return where.sources.said(labels, answered_by(done)) if where.sources is not None else []

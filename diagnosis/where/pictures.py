@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from textwrap import fill
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,12 +12,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from diagnosis.curves import BLUE, ORANGE, calendar
+from diagnosis.curves import BLUE, GREY, ORANGE, calendar, dates
+from diagnosis.panels import Curve, Panel, Strips
 from diagnosis.where.cells import STATISTICS, CellTest
 from diagnosis.where.correlation import CorrelationTest
 from diagnosis.where.episodes import REST, EpisodeTest
 from diagnosis.where.series import BRIEF, DAY, HOUR, WHOLE, Residuals
-from diagnosis.where.sources import SourceTest, Verdict
+from diagnosis.where.sources import SourceTest
 from shared.numbers import number
 from shared.variables import spaced
 
@@ -215,11 +216,10 @@ def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: fl
     return figure
 
 
-_WIDTH = 150
-"""So many letters of a title fit above a panel."""
 _ROWS, _LABEL = 5, 0.13
 """Heights at which labels of stretches stand at least, and the height of one, as a share of the panel's."""
 _SPAN = "#ee9944"
+_WEEKEND = "#f3efe0"
 
 
 def draw_episodes(
@@ -281,71 +281,41 @@ def draw_episodes(
     return figure
 
 
-def draw_sources(
+def source_panels(
     residuals: Residuals,
     found: SourceTest,
+    zero: np.datetime64,
     *,
     alpha: float = 0.05,
-    answered: Collection[Verdict] = (),
     explained: Mapping[str, np.ndarray] | None = None,
-    zero: np.datetime64 | None = None,
-) -> Figure:
+) -> list[Panel]:
     """Each source that would close the residual, its uncertainty, and what replicates without a gap would ask for.
 
-    ``answered``: see :meth:`~diagnosis.where.sources.SourceTest.words`. ``explained`` by source (pulses,): what the
-    effects found account for. ``zero`` is the date from which time runs.
+    ``zero`` is the date from which time runs. ``explained`` by source (pulses,): what the effects found account for.
     """
-    figure = Figure(figsize=(12.5, 2.5 * len(found.sources) + 1.1), layout="constrained")
-    panels = figure.subplots(len(found.sources), 1, squeeze=False, sharex=True)[:, 0]
-    begin = float(residuals.time[0] - residuals.step)
-    labels = dict(zip(residuals.names, residuals.labels, strict=True))
-    for axes, one in zip(panels, found.sources, strict=True):
-        peak = float(np.abs(one.estimate).max())
-        factor, unit = few_digits(one.unit, max(peak, float(np.abs(one.high).max())))
-        edges = (one.edges - begin) / DAY
-        centres = (edges[1:] + edges[:-1]) / 2
-        axes.fill_between(
-            centres, factor * one.low, factor * one.high, step="mid", color=TWINS, alpha=0.8, linewidth=0,
-            label="95 % of replicates without a gap",
-        )  # fmt: skip
-        for sign in (-2, 2):
-            edge = factor * (one.estimate + sign * one.uncertainty)
-            axes.step(centres, edge, where="mid", color=ORANGE, linewidth=0.5, alpha=0.7)
-        axes.step(
-            centres, factor * one.estimate, where="mid", color=ORANGE, linewidth=1.2,
-            label="what the base model lacks, and two standard deviations either side",
-        )  # fmt: skip
+    first = np.unique(residuals.day[residuals.weekend]) * DAY
+    weekends = Strips("weekends", _WEEKEND, dates(zero, first), dates(zero, first + DAY))
+    made, marks = [], []
+    for one in found.sources:
+        factor, unit = few_digits(one.unit, max(float(np.abs(one.estimate).max()), float(np.abs(one.high).max())))
+        spread = np.stack([one.estimate - 2 * one.uncertainty, one.estimate + 2 * one.uncertainty])
+        curves = [
+            Curve("95 % of replicates without a gap", GREY, factor * np.stack([one.low, one.high])),
+            Curve("two standard deviations either side", ORANGE, factor * spread),
+            Curve("what the base model lacks", ORANGE, factor * one.estimate),
+        ]
         if explained is not None:
-            axes.step(
-                centres, factor * explained[one.name], where="mid", color=BLUE, linewidth=1.6, linestyle="--",
-                label="what of it the effects found account for",
-            )  # fmt: skip
+            curves.append(Curve("what the effects found account for", BLUE, factor * explained[one.name], "dashed"))
         # a pulse may stand out at another smoothness than the one drawn: mark it only where the drawing agrees
         outside = (one.estimate > one.high) | (one.estimate < one.low)
         sure = (one.adjusted <= alpha) & outside & (np.abs(one.estimate) > 2 * one.uncertainty)
-        if sure.any():
-            marked = np.where(sure, factor * one.estimate, np.nan)
-            axes.plot(
-                centres,
-                marked,
-                ".",
-                color=MEASURED,
-                markersize=4,
-                label=f"beyond what replicates show anywhere (p <= {alpha:g})",
-            )
-        axes.axhline(0, color="black", linewidth=0.6)
-        _weekends(axes, residuals, begin)
-        _frame(axes, edges, f"{one.label}\n[{unit}]")
-        said = f"{one.label} {found.words(one, labels[one.rival], alpha, answered=answered)} (p = {one.p_value:.2g})"
-        axes.set_title(fill(said, _WIDTH), fontsize=9, loc="left")
-    _days_below(panels[-1], begin, zero)
-    handles = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    figure.suptitle(
-        "Above zero the building gains what the model lacks, below it loses it",
-        fontsize=10,
-    )
-    return figure
+        marked = np.where(sure, factor * one.estimate, np.nan)
+        marks.append(Curve(f"beyond all replicates (p <= {alpha:g})", MEASURED, marked, "marks"))
+        centres = dates(zero, (one.edges[1:] + one.edges[:-1]) / 2)
+        made.append(Panel(one.label, unit, centres, curves, [weekends], stepwise=True))
+    if not any(np.isfinite(one.values).any() for one in marks):
+        return made
+    return [replace(one, curves=[*one.curves, mark]) for one, mark in zip(made, marks, strict=True)]
 
 
 def _band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -358,7 +328,7 @@ def _band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _weekends(axes: Axes, residuals: Residuals, begin: float) -> None:
     for day in np.unique(residuals.day[residuals.weekend]):
-        axes.axvspan((day * DAY - begin) / DAY, ((day + 1) * DAY - begin) / DAY, color="#f3efe0", linewidth=0, zorder=0)
+        axes.axvspan((day * DAY - begin) / DAY, ((day + 1) * DAY - begin) / DAY, color=_WEEKEND, linewidth=0, zorder=0)
 
 
 def _days_below(axes: Axes, begin: float, zero: np.datetime64 | None) -> None:

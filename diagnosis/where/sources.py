@@ -14,7 +14,7 @@ One decomposition serves all rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -224,6 +224,11 @@ class SourceTest:
             return f"and an error of {rival} alone explain the residual about equally well"
         worse = f"explains the residual worse than an error of {rival} alone"
         return f"{worse}: {suspect}" if suspected else worse
+
+    def said(self, labels: Mapping[str, str], answered: Collection[Verdict] = ()) -> list[str]:
+        """A sentence on each source: its label and :meth:`words`; ``labels`` of the channels by name."""
+        ones = ((one, self.words(one, labels[one.rival], answered=answered)) for one in self.sources)
+        return [f"{one.label} {words} (p = {one.p_value:.2g})" for one, words in ones]
 
     @property
     def verdict(self) -> Verdict:

@@ -41,7 +41,7 @@ CONTEXT = AHEAD = 168.0
 EXAMPLE = OUT.parent / "example"
 MARGIN = 32
 """Of the picture, for the numbers [pixels]."""
-PARTS = (".head", ".answer p:nth-of-type(2)", ".answer p:nth-of-type(3)", ".answer p:nth-of-type(4)", ".wide img")
+PARTS = (".head", ".answer p:nth-of-type(2)", ".answer p:nth-of-type(3)", ".answer p:nth-of-type(4)", ".zooms")
 """Parts of a report that are numbered in the picture: headline, where, which, how far, and measured minus model."""
 
 
@@ -83,6 +83,7 @@ def annotated(page: Path, picture: Path) -> None:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         tab = browser.new_page(viewport={"width": 1000, "height": 800})
         tab.goto(page.resolve().as_uri())
+        tab.locator(".zooms .bk-Canvas").first.wait_for()
         places = [tab.locator(one).first.bounding_box() for one in PARTS]
         shown = tab.screenshot(clip={"x": 0, "y": 0, "width": 1000, "height": places[-1]["y"] + 300})
         browser.close()

@@ -1,16 +1,17 @@
 """What the page of a diagnosis says beside the report."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from diagnosis.gap import concluded
 from diagnosis.gap import page as pictures
-from diagnosis.gap.page import answered_by, dated, draw_outputs, render
+from diagnosis.gap.page import answered_by, dated, output_panels, render
 from diagnosis.gap.schema import Report
+from diagnosis.pages import long_named
 from diagnosis.physics import Finding
 from diagnosis.where.sources import SUSPECT
 from tests.diagnosis.gap.report_cases import named, place, report
@@ -21,7 +22,7 @@ def residuals_of(left):
     outputs = [SimpleNamespace(name=name, long_name=f"air of the {name}", unit="K") for name in ("room", "wall")]
     problem = SimpleNamespace(
         time=3600.0 * np.arange(1, left.shape[1] + 1),
-        recording=SimpleNamespace(start=0.0, step=3600.0, began="2001-01-05 00:00"),
+        recording=SimpleNamespace(zero=np.datetime64("2001-01-05"), step=3600.0),
         system=SimpleNamespace(outputs=outputs),
     )
     return SimpleNamespace(
@@ -45,15 +46,26 @@ def test_kept_days_are_shaded_from_their_midnight_to_their_midnight(monkeypatch)
         scored=scored,
         report=SimpleNamespace(verdict="none_of_these"),
     )
-    panel = draw_outputs(done).axes[0]
-    spans = [(one.get_x(), one.get_x() + one.get_width()) for one in panel.patches]
-    assert [one for one in spans if one[0] > 0] == [pytest.approx((1.0, 2.0)), pytest.approx((3.0, 4.0))]
-    said = [text.get_text() for text in panel.get_legend().get_texts()]
-    assert said[:1] + said[-1:] == ["two standard deviations of noise", "days kept from the fit"] and len(said) == 4
-    assert said[2] == "with the nearest candidate"
-    noise, *kept = panel.patches
-    assert noise.get_hatch() is None and {one.get_hatch() for one in kept} == {"//"}
-    assert panel.get_ylabel().split("\n")[0] == "air of the room (room)"
+    panel = output_panels(done)[0]
+    (kept,) = panel.strips
+    assert kept.hatched and kept.label == "days kept from the fit"
+    assert [str(one)[:16] for one in kept.begins] == ["2001-01-06T00:00", "2001-01-08T00:00"]
+    assert [str(one)[:16] for one in kept.ends] == ["2001-01-07T00:00", "2001-01-09T00:00"]
+    said = [one.label for one in panel.curves]
+    assert said == ["two standard deviations of noise", "base model", "with the nearest candidate"]
+    assert (panel.title, panel.unit, str(panel.time[0])[:16]) == ("air of the room (room)", "K", "2001-01-05T01:00")
+
+
+def test_the_page_loads_nothing_and_its_pictures_of_time_have_units(drifted):
+    page = render(drifted.done)
+    without = re.sub(r"<script([^>]*)>.*?</script>", r"<script\1>", page, flags=re.S)
+    assert not re.findall(r"""(?:src|href)=["'](?!data:)""", without) and "http:" not in without
+    assert without.count("<script") == without.count("<script>") and "https:" not in without and len(page) < 2_500_000
+    outputs = drifted.done.whole.system.outputs
+    assert {(one.title, one.unit) for one in output_panels(drifted.done)} == {
+        (long_named(one.name, one.long_name), one.unit.replace("°C", "K")) for one in outputs
+    }
+    assert page.count("This picture needs JavaScript.") == 2 and '"text":"room' in page
 
 
 def test_findings_that_have_a_time_have_a_date():
@@ -114,7 +126,7 @@ def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
 def test_what_the_effects_found_account_for_is_drawn_into_what_the_model_lacks(drifted, monkeypatch):
     """The readings that the effects took away stand for it: all of it where nothing is left."""
     drawn = {}
-    monkeypatch.setattr(pictures, "draw_sources", lambda *_, **given: drawn.update(given) or draw_nothing())
+    monkeypatch.setattr(pictures, "source_panels", lambda *_, **given: drawn.update(given) or [])
     render(drifted.done)
     assert drawn["explained"].keys() == {one.name for one in drifted.done.where.sources.sources}
     where = drifted.done.where
@@ -124,7 +136,3 @@ def test_what_the_effects_found_account_for_is_drawn_into_what_the_model_lacks(d
         assert drawn["explained"][one.name] == pytest.approx(one.estimate, abs=1e-6 * np.abs(one.estimate).max())
     render(replace(drifted.done, where_left=None))
     assert drawn["explained"] is None
-
-
-def draw_nothing():
-    return Figure()

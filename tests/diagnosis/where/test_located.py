@@ -10,7 +10,7 @@ from diagnosis.curves import as_png
 from diagnosis.where import Regime, Residuals, locate
 from diagnosis.where.correlation import scan_correlations
 from diagnosis.where.episodes import _refined, scan_episodes
-from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, draw_sources
+from diagnosis.where.pictures import draw_cells, draw_correlations, draw_episodes, few_digits, source_panels
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
 
 STEPS, PER = 336, 4
@@ -195,19 +195,32 @@ def test_a_channel_that_was_hardly_read_is_drawn(quiet, inputs):
         assert figure.axes
 
 
-@pytest.mark.parametrize("picture", ["cells", "correlations", "episodes", "sources"])
+@pytest.mark.parametrize("picture", ["cells", "correlations", "episodes"])
 def test_pictures_are_drawn(everything, picture):
     draw = {
         "cells": lambda w: draw_cells(w.residuals, w.cells),
         "correlations": lambda w: draw_correlations(w.residuals, w.correlations),
         "episodes": lambda w: draw_episodes(w.residuals, w.episodes),
-        "sources": lambda w: draw_sources(w.residuals, w.sources),
     }[picture]
     figure = draw(everything)
     pixels = matplotlib.image.imread(io.BytesIO(as_png(figure, 60)))
     assert pixels.std() > 0.05
-    panels = {"cells": 2, "correlations": 4, "episodes": 2, "sources": 1}[picture]
+    panels = {"cells": 2, "correlations": 4, "episodes": 2}[picture]
     assert len([a for a in figure.axes if a.get_title(loc="left") or a.get_title() or picture == "episodes"]) >= panels
+
+
+def test_missing_sources_are_drawn_in_a_unit_of_few_digits_with_what_effects_account_for(everything):
+    found = everything.sources
+    explained = {one.name: 0.5 * one.estimate for one in found.sources}
+    made = source_panels(everything.residuals, found, np.datetime64("2001-01-01"), explained=explained)
+    for panel, one in zip(made, found.sources, strict=True):
+        drawn = {curve.label: curve.values for curve in panel.curves}
+        factor, unit = few_digits(one.unit, float(max(np.abs(one.estimate).max(), np.abs(one.high).max())))
+        assert (panel.title, panel.unit) == (one.label, unit)
+        np.testing.assert_allclose(drawn["what the base model lacks"], factor * one.estimate)
+        np.testing.assert_allclose(drawn["what the effects found account for"], 0.5 * factor * one.estimate)
+    (weekends,) = made[0].strips
+    assert {int(day) for day in (weekends.begins.astype("datetime64[D]").astype(int) + 3) % 7} <= {5, 6}
 
 
 def test_pictures_mark_what_the_list_names_and_nothing_else(everything):
@@ -250,7 +263,7 @@ def test_no_sensor_is_suspected_where_no_place_stands_out(quiet, inputs):
         odd = replace(found.sources, sources=[replace(one, verdict=verdict)], suspect="y0")
         said = "explains more than in replicates without a gap, but not once all places are tested together"
         assert odd.words(odd.sources[0], "the thermometer") == said
-        assert said in " ".join(draw_sources(quiet, odd).axes[0].get_title(loc="left").split())
+        assert said in odd.said({"y0": "the thermometer"})[0]
 
 
 def test_the_ends_of_a_long_stretch_are_found_in_little_memory():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from diagnosis.where.pictures import draw_sources
 from diagnosis.where.series import fit_colour, whiten, whitened
 from diagnosis.where.sources import FAINT, MEMORIES, OTHERWISE, _findings, decompose, scan_sources
 from tests.diagnosis.where.where_cases import first_order, heat, twins, wander, with_observed
@@ -108,8 +107,7 @@ def test_a_sensor_fault_is_told_from_a_balance(quiet, plant):
     assert found.words(found.sources[0], "the thermometer").endswith("suspect that sensor")
     for answered, said in (({"sensor"}, "suspect that sensor"), ({"balance"}, OTHERWISE), ({"none"}, FAINT)):
         assert found.words(found.sources[0], "the thermometer", answered=answered).endswith(f": {said}")
-        title = draw_sources(with_observed(quiet, observed), found, answered=answered).axes[0].get_title(loc="left")
-        assert said in " ".join(title.split())
+        assert said in found.said({"y0": "the thermometer"}, answered)[0]
 
 
 def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_would(quiet):
@@ -131,7 +129,7 @@ def test_no_sensor_is_suspected_where_another_source_explains_what_its_error_wou
         "an error of this channel alone explains the residual better than missing gas, of which none is needed,"
         " but worse than missing heat"
     )
-    assert "suspect" not in draw_sources(with_observed(quiet, observed), found).axes[1].get_title(loc="left")
+    assert "suspect" not in found.said({"y0": "the thermometer"})[1]
 
 
 @pytest.mark.parametrize("turned", [False, True])
