@@ -37,8 +37,6 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     assert str(begin.astype("datetime64[m]")).replace("T", " ") == read_recording(drifted.path, house("me")).began
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Hours are of standard time" in page
-    assert page.count("data:image/png;base64,") >= 5
-    assert "http://" not in page and "https://" not in page
     assert page.index(report.summary[0][:20]) < page.index("<img")
     words = " ".join(page.split())
     assert "Both are fitted to the days that are not hatched" in words and "base model fitted to all days" in words
