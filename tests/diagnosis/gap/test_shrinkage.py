@@ -139,7 +139,9 @@ def test_a_channel_without_readings_on_the_scored_part_is_told(monkeypatch):
     size = float(np.sqrt(2.0))
     before = FakeFit(size)
     before.problem = SimpleNamespace(
-        system=SimpleNamespace(outputs=[SimpleNamespace(name=name, unit="K") for name in ("room", "air", "slab")]),
+        system=SimpleNamespace(
+            outputs=[SimpleNamespace(name=name, unit="K", long_name="") for name in ("room", "air", "slab")]
+        ),
         recording=SimpleNamespace(step=HOUR),
     )
     apart = SimpleNamespace(before=before, after=FakeFit(1.0))
