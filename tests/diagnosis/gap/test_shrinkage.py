@@ -140,7 +140,7 @@ def test_a_channel_without_readings_on_the_scored_part_is_told(monkeypatch):
     before = FakeFit(size)
     before.problem = SimpleNamespace(
         system=SimpleNamespace(
-            outputs=[SimpleNamespace(name=name, long_name=None, unit="K") for name in ("room", "air", "slab")]
+            outputs=[SimpleNamespace(name=name, unit="K", long_name="") for name in ("room", "air", "slab")]
         ),
         recording=SimpleNamespace(step=HOUR),
     )
