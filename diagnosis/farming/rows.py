@@ -15,7 +15,7 @@ from diagnosis.blind.generator import Case, Cause, Generator, Made, measured, pu
 from diagnosis.blind.truth import Measuring, Strata, Truth
 from diagnosis.effects import Effect, clash, library
 from diagnosis.farming.laws import EXACT, Process, Span, Warped, course, outside, warped
-from diagnosis.gap.evidence import Evidence, Search
+from diagnosis.gap.evidence import Evidence
 from diagnosis.recording import HOUR
 from shared.errors import SimulationError
 from shared.system import System
@@ -48,8 +48,6 @@ class Row:
 
     ``stratum`` is one of :data:`STRATA`; ``true``: candidates that are causes; ``withheld``: the one that the diagnosis
     was not given; ``gap``: root mean square of what the causes do at the most touched output [its noise].
-    ``parameters`` and ``sizes``: pairs of an estimate's error and its standard deviation by the fit [standard deviation
-    of the prior; scales]. Sizes are of effects that were rightly chosen and act by their candidate's own law.
     """
 
     index: int
@@ -58,8 +56,6 @@ class Row:
     withheld: str
     gap: float
     evidence: Evidence
-    parameters: tuple[tuple[float, float], ...]
-    sizes: tuple[tuple[float, float], ...]
     cpu_seconds: float
     simulations: int
 
@@ -207,13 +203,11 @@ def work(made_by: Generator, seed: int, index: int) -> dict[str, Any]:
     with TemporaryDirectory(prefix="farm") as folder:
         path = Path(folder) / f"{index}.nc"
         write(path, published(made, outputs, system, truth))
-        return asdict(diagnosed(system, truth.measuring.noise, path, drawn, gap, made.parameters, seed + index))
+        return asdict(diagnosed(system, truth.measuring.noise, path, drawn, gap, seed + index))
 
 
-def diagnosed(
-    system: System, noise: str, path: Path, drawn: Drawn, gap: float, true: dict[str, float], seed: int
-) -> Row:
-    """What the diagnosis makes of a recording without what is withheld; ``true`` are its parameters [unit of each]."""
+def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, gap: float, seed: int) -> Row:
+    """What the diagnosis makes of a recording without what is withheld."""
     from diagnosis.gap.diagnosed import diagnose
 
     began = time.process_time()
@@ -234,32 +228,15 @@ def diagnosed(
         withheld=drawn.withheld,
         gap=gap,
         evidence=done.evidence,
-        **_errors(done.search, drawn, true),
         cpu_seconds=time.process_time() - began,
         simulations=done.report.simulations,
     )
 
 
-def _errors(search: Search, drawn: Drawn, true: dict[str, float]) -> dict[str, tuple[tuple[float, float], ...]]:
-    """How far the last fit's parameters and sizes are from what they were, each with its standard deviation."""
-    last = search.settled[-1] if search.chosen else search.base
-    problem, count = last.lin.problem, len(last.lin.problem.system.parameters)
-    off = last.lin.z - problem.unknowns(true)
-    pairs = list(zip(off.tolist(), np.asarray(last.sd).tolist(), strict=True))
-    own = {cause.label: cause for cause in drawn.case.causes if isinstance(cause.acts, Effect)}
-    sizes = [
-        (z - own[effect.name].amplitude / effect.scale, sd)
-        for effect, z, (_, sd) in zip(last.lin.chosen, last.lin.z[count:].tolist(), pairs[count:], strict=False)
-        if effect.name in own
-    ]
-    return {"parameters": tuple(pairs[:count]), "sizes": tuple(sizes)}
-
-
 def read_row(raw: dict[str, Any]) -> Row:
     """A row as it was written."""
     evidence = Evidence(**{**raw["evidence"], "chosen": tuple(raw["evidence"]["chosen"])})
-    pairs = {name: tuple((error, sd) for error, sd in raw[name]) for name in ("parameters", "sizes")}
-    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence, **pairs})
+    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence})
 
 
 def _one_of(shares: dict[str, float], place: float) -> str:
