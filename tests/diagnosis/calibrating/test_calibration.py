@@ -1,6 +1,7 @@
 """Calibrations of a second system, by command and function, and what a recording cannot be."""
 
 import json
+import re
 from copy import copy
 from dataclasses import replace
 
@@ -131,9 +132,10 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
         assert abs(np.log(one.value / true)) < 4 * abs(np.log(one.high / one.low)) / 3.29
     page = (out / "calibration.html").read_text()
     assert "Times are of standard time, also in summer." in page and "are not drawn" not in page
-    assert page.count("data:image/png;base64,") == 5
+    assert page.count("data:image/png;base64,") == 3 and "Bokeh.embed" in page
     assert all(name in page for name in TRUTH)
-    assert "http" not in page.replace("http-equiv", "")
+    without = re.sub("<script.*?</script>", "", page, flags=re.DOTALL)
+    assert "http" not in without.replace("http-equiv", "")
 
 
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(calibrated):
