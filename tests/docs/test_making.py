@@ -14,6 +14,7 @@ def test_the_samples_are_pages_that_stand_alone():
     for path in folder.glob("*.html"):
         page = path.read_text(encoding="utf-8")
         assert len(page) < 2_500_000 and "data:image/png;base64," in page
-        assert not re.findall(r"""(?:src|href)=["'](?!data:|#)""", page), path.name
+        outside = re.sub("<script>.*?</script>", "", page, flags=re.S)
+        assert not re.findall(r"""<script|(?:src|href)=["'](?!data:|#)""", outside), path.name
         assert "/tmp/" not in page and str(Path.home()) not in page, path.name
     assert read_report(folder / "effect.json").verdict == "effect"
