@@ -252,12 +252,14 @@ def test_false_alarms_are_as_rare_as_promised():
     """400 recordings without a gap, strongly autocorrelated, with missing readings and regimes."""
     rng = np.random.default_rng(10)
     time = (np.arange(120) + 1) * 3600.0
-    alarms = 0
+    alarms, named = 0, 0
     for _ in range(400):
         rows = wander(rng, (20, 1, 120))
         rows[0][:, rng.random(120) < 0.05] = np.nan
         regimes = [Regime("one", "", wander(rng, (120,)) > 0), Regime("another", "", wander(rng, (120,)) > 0.3)]
         found = scan_cells(Residuals(time, rows[0], rows[1:], ["a"], ["K"]), regimes)
         alarms += found.test.p_value <= 0.05
-        assert bool(found.findings) == (found.test.p_value <= 0.05)
+        assert not found.findings or found.test.p_value <= 0.05
+        named += bool(found.findings)
     assert abs(alarms / 400 - 0.05) < 2.6 * np.sqrt(0.05 * 0.95 / 400)
+    assert named >= 0.8 * alarms  # of others nothing that is true can be said
