@@ -119,6 +119,8 @@ def smaller(words):
         made += ["--systems", "2"]
     if what == "datagen run":
         made += ["--hours", "240"]
+    if what == "trainer fit" and "ridge" in words:
+        made += ["--steps", str(MOST["--steps"])]
     return [one.replace("fmus/MixedAirCO2", "MixedAirCO2") for one in made]
 
 

@@ -29,7 +29,18 @@ class Client:
 
 
 @pytest.fixture
-def numbers(monkeypatch):
+def threads(monkeypatch):
+    """Workers are threads: processes have tests of their own, and take long to start."""
+
+    @contextmanager
+    def connect(**places):
+        yield Client()
+
+    monkeypatch.setattr(farming, "connect", connect)
+
+
+@pytest.fixture
+def numbers(threads, monkeypatch):
     """Numbers of the recordings that were made; the last one of ten fails at first."""
     asked = []
 
@@ -39,12 +50,7 @@ def numbers(monkeypatch):
             raise SimulationError("it is stiff")
         return asdict(replace(MADE[index], index=index))
 
-    @contextmanager
-    def connect(**places):
-        yield Client()
-
     monkeypatch.setattr(farming, "work", work)
-    monkeypatch.setattr(farming, "connect", connect)
     return asked
 
 
@@ -106,8 +112,8 @@ def test_the_command_writes_the_verdict_and_says_what_it_is_worth(numbers, tmp_p
     assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / FILE_NAME).read_text(encoding="utf-8"))
 
 
-def test_a_recording_is_made_and_diagnosed(default_system, tmp_path):
-    """One day of the default room on a worker, with few candidates and few parameters: all of them take minutes."""
+def test_a_recording_is_made_and_diagnosed(threads, default_system, tmp_path):
+    """One day of the default room, with few candidates and few parameters: all of them take minutes."""
     known = {one.name: float(one.from_unit(0.5)) for one in default_system.parameters[3:]}
     few = default_system.model_copy(
         update={

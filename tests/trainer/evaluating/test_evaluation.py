@@ -92,7 +92,7 @@ def test_a_parameter_whose_range_passes_zero_is_estimated(tmp_path):
     """Its targets are no logarithms; those of the other are, as ever."""
     text = TANK.replace('min = 1.0\nmax = 4.0\nscale = "log"', "min = -2.0\nmax = 4.0")
     dataset = make_dataset(tmp_path / "ds", text=text)
-    run = fit(dataset, out=tmp_path / "run", model="ridge")
+    run = fit(dataset, out=tmp_path / "run", model="ridge", steps=5)
     truth = np.array([[2.0, -2.0], [5.0, 0.0], [20.0, 4.0]])
     encoding = run.card.encoding
     np.testing.assert_allclose(encoding.estimates(encoding.targets(truth)), truth, atol=1e-5)

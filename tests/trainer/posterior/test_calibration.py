@@ -84,7 +84,7 @@ def many_tanks(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def folder(many_tanks, tmp_path_factory):
-    run = fit(many_tanks, tmp_path_factory.mktemp("calrun") / "run", model="ridge", noise="gauge", steps=20)
+    run = fit(many_tanks, tmp_path_factory.mktemp("calrun") / "run", model="ridge", noise="gauge", steps=5)
     fit_posterior(run, many_tanks, windows_per_system=10, epochs=6)
     return run.folder
 

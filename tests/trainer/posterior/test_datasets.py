@@ -17,7 +17,7 @@ def test_figures_say_of_which_dataset_they_are(tmp_path):
     text, drawn = f"{TANK}\n{PIPE}", {"uncertain": [{"name": "pipe"}], "calm": 0.5}
     of = make_dataset(tmp_path / "declared", systems=60, root_seed=1, text=text)
     other = make_dataset(tmp_path / "drawn", systems=20, root_seed=2, text=text, settings=drawn)
-    run = fit(of, tmp_path / "run", model="ridge")
+    run = fit(of, tmp_path / "run", model="ridge", steps=2)
     fit_posterior(run, of, windows_per_system=2, epochs=1)
     for dataset, heading in (
         (of, "root seed 1, constants as declared"),

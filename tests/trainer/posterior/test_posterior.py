@@ -30,7 +30,7 @@ def many_tanks(tmp_path_factory):
 def fitted(many_tanks, tmp_path_factory):
     """A ridge with a posterior; tests must not change its folder."""
     torch.set_num_threads(1)
-    run = fit(many_tanks, tmp_path_factory.mktemp("posterior") / "run", model="ridge", noise="gauge", steps=20)
+    run = fit(many_tanks, tmp_path_factory.mktemp("posterior") / "run", model="ridge", noise="gauge", steps=5)
     fit_posterior(run, many_tanks, windows_per_system=8, epochs=3)
     return run.folder
 

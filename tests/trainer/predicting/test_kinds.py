@@ -48,7 +48,7 @@ def told(run, path, capsys):
 @pytest.mark.parametrize("fitted_to", ["drawn", "declared"])
 def test_a_posterior_of_constants_as_declared_is_told(datasets, recording, tmp_path, capsys, caplog, fitted_to):
     """The estimator had them drawn: that its intervals are too narrow for others was told by nothing."""
-    run = fit(datasets["drawn"], tmp_path / "run", model="ridge")
+    run = fit(datasets["drawn"], tmp_path / "run", model="ridge", steps=2)
     with caplog.at_level(logging.WARNING):
         posterior = fit_posterior(run, datasets[fitted_to], windows_per_system=2, epochs=1)
     held = [] if fitted_to == "drawn" else ["pipe"]
