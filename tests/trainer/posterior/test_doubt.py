@@ -59,7 +59,7 @@ def tanks_and_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("doubt")
     dataset = make_dataset(folder / "ds", systems=300, root_seed=4)
     torch.set_num_threads(1)
-    return dataset, fit(dataset, folder / "run", model="ridge", steps=5)
+    return dataset, fit(dataset, folder / "run", model="ridge", steps=20)
 
 
 def recording(dataset):
