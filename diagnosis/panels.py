@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -68,8 +69,12 @@ class Panel:
 
 
 def library() -> str:
-    """What draws pictures in a browser, for the head of a page, which loads nothing from elsewhere then."""
-    return str(Resources(mode="inline", components=["bokeh"]).render_js())
+    """What draws pictures in a browser, for the head of a page, which loads nothing from elsewhere then.
+
+    For formulas, icons and maps Bokeh would: these addresses are taken out.
+    """
+    code = str(Resources(mode="inline", components=["bokeh"]).render_js())
+    return re.sub(r"""https://(?:cdn|maps)\.[^"'`]*""", "", code)
 
 
 def embedded(panels: Sequence[Panel], *, height: int = 130) -> str:
