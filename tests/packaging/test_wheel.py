@@ -7,15 +7,18 @@ import subprocess
 import sys
 import tarfile
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import grimp
 import pytest
 import xarray as xr
 from filelock import FileLock
+from packaging.utils import canonicalize_name
 
 from datagen import simulate
 from shared import __version__
-from tests.packaging.wheels import HOLDS, PACKAGE, PROMISES, build, index_answers, install
+from tests.packaging.wheels import HOLDS, PACKAGE, PROMISES, build, index_answers, install, requirements, unpacked
 
 pytestmark = pytest.mark.slow
 
@@ -83,8 +86,44 @@ def python(request):
     return found
 
 
+ALONE = {
+    "shared.remote",
+    "datagen.farming.slurm",
+    "diagnosis.app.pictures",
+    "diagnosis.app.page",
+    "diagnosis.app.server",
+}
+"""Modules that need another extra, and say so."""
+
+
+@pytest.mark.parametrize("extra", PROMISES, ids=lambda extra: extra or "bare")
+def test_an_extra_brings_all_that_its_package_imports(extra):
+    package, homes, brought = extra or "shared", packages_distributions(), requirements(extra)
+    graph = grimp.build_graph(
+        "shared", "datagen", "trainer", "diagnosis", include_external_packages=True, cache_dir=None
+    )
+    mine = graph.find_descendants(package) - ALONE
+    tops = {one.partition(".")[0] for each in mine for one in graph.find_modules_directly_imported_by(each)}
+    foreign = tops - {*sys.stdlib_module_names, "shared", "datagen", "trainer", "diagnosis", "fmus"}
+    assert foreign and not [one for one in foreign if brought.isdisjoint(map(canonicalize_name, homes.get(one, ())))]
+
+
+def test_all_modules_and_the_estimator_are_in_the_wheel(dist, tmp_path, default_system):
+    environment = unpacked(dist[1], tmp_path / "wheel")
+    found = json.loads(
+        environment.out("python", "-c", HOLDS, "shared", "datagen", "trainer", "diagnosis", cwd=tmp_path)
+    )
+    assert found["where"].startswith(str(tmp_path / "wheel")) and found["system"] == default_system.hash()
+    assert (
+        found["modules"]
+        == len({*grimp.build_graph("shared", "datagen", "trainer", "diagnosis", cache_dir=None).modules}) - 4
+    )
+    simulate("MixedAirCO2", hours=168.0, seed=3, out=tmp_path / "room.nc")
+    predicted(environment, tmp_path)
+
+
 # what the images hold is the wheel with the extras datagen and trainer (tests/docker/test_images.py)
-EXTRAS = [*PROMISES] if "ZEROSHOT_PYTHONS" in os.environ else ["", "diagnosis"]
+EXTRAS = [*PROMISES] if "ZEROSHOT_PYTHONS" in os.environ else [""]
 
 
 @pytest.mark.parametrize("extra", EXTRAS, ids=lambda extra: extra or "bare")

@@ -9,9 +9,14 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import requires
 from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "zeroshot-fmu"
@@ -58,14 +63,16 @@ print(json.dumps({"distributions": names, "where": where, "system": system.hash(
 
 @dataclass(frozen=True)
 class Environment:
-    """A virtual environment with the wheel in it."""
+    """A virtual environment with the wheel in it, or one that has the wheel's files ``first`` on its path."""
 
     folder: Path
+    first: Path | None = None
 
     def run(self, *words: str, cwd: Path, timeout: float = 900) -> subprocess.CompletedProcess[str]:
         """Run one of its programs with nothing of ours on the path."""
         named = {name: os.environ[name] for name in ("HOME", "LANG", "TMPDIR") if name in os.environ}
         environment = named | {"PATH": f"{self.folder / 'bin'}{os.pathsep}/usr/bin:/bin", "OMP_NUM_THREADS": "1"}
+        environment |= {"PYTHONPATH": str(self.first)} if self.first else {}
         program = self.folder / "bin" / words[0]
         return subprocess.run(
             [str(program), *words[1:]], cwd=cwd, env=environment, capture_output=True, text=True, timeout=timeout
@@ -108,6 +115,27 @@ def install(wheel: Path, extra: str, folder: Path, python: str = sys.executable)
     pins = str(ROOT / "constraints.txt")
     _uv("pip", "install", "--quiet", "--python", str(folder / "bin" / "python"), "--constraint", pins, what)
     return Environment(folder)
+
+
+def unpacked(wheel: Path, folder: Path) -> Environment:
+    """This environment with the wheel's files in place of the sources."""
+    with zipfile.ZipFile(wheel) as opened:
+        opened.extractall(folder)
+    return Environment(Path(sys.prefix), folder)
+
+
+def requirements(extra: str) -> set[str]:
+    """All distributions that come with the project and an extra, those that others require among them."""
+    found: set[tuple[str, str]] = set()
+    left = [(PACKAGE, extra)]
+    while left:
+        one, extra = left.pop()
+        for text in () if (one, extra) in found else requires(one) or ():
+            needed = Requirement(text)
+            if needed.marker is None or any(needed.marker.evaluate({"extra": each}) for each in ("", extra)):
+                left += [(canonicalize_name(needed.name), each) for each in ("", *needed.extras)]
+        found.add((one, extra))
+    return {one for one, _ in found}
 
 
 @cache
