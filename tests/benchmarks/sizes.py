@@ -1,10 +1,10 @@
-"""How many 90 % intervals of sizes and parameters cover, over weeks in which one effect of the library acts.
+"""How many 90 % intervals of sizes and parameters cover where one effect acts, and what is said without its candidate.
 
     python tests/benchmarks/sizes.py MixedAirCO2 --recordings 23 --seed 60713 --out sizes
 
 The rooms are those of the blind check's truth: its FMU has finer walls. The effect acts by its candidate's own law, one
-to four of its scales strong. Take a seed that nothing was developed on. A recording takes one to three minutes; what is
-in the folder is not made again.
+to four of its scales strong. Where it is named, the recording is diagnosed again with its candidate withheld. Take a
+seed that nothing was developed on. A recording takes one to four minutes; what is in the folder is not made again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def diagnosed(made_by: Generator, seed: int, index: int) -> dict[str, Any]:
         path = Path(folder) / "recording.nc"
         write(path, published(made, outputs, system, made_by.truth))
         occupancy = "unknown" if case.unknown_occupancy else "measured"
-        report = diagnose(system, path, replay=case.replay, occupancy=occupancy, how_far=False, seed=index).report
+        done = diagnose(system, path, replay=case.replay, occupancy=occupancy, how_far=False, seed=index)
+        report = done.report
     true = {cause.label: cause.amplitude for cause in case.causes}
     sizes = [one.low <= true[one.name] <= one.high for one in report.effects if one.named and one.name in true]
     parameters = []
@@ -41,7 +42,9 @@ def diagnosed(made_by: Generator, seed: int, index: int) -> dict[str, Any]:
         low, high = (one.before_low, one.before_high) if low is None or high is None else (low, high)
         parameters.append(low <= made.parameters[one.name] <= high)
     named = [one.name for one in report.effects if one.named]
-    return {"true": [*true], "verdict": report.verdict, "named": named, "sizes": sizes, "parameters": parameters}
+    withheld = done.without([*true]).report.verdict if {*true} & {*named} else None
+    found = {"true": [*true], "verdict": report.verdict, "named": named, "withheld": withheld}
+    return found | {"sizes": sizes, "parameters": parameters}
 
 
 def main() -> None:
@@ -69,6 +72,7 @@ def main() -> None:
         "sizes of true causes that are covered": [one for row in right for one in row["sizes"]],
         "parameters covered, true cause named": [one for row in right for one in row["parameters"]],
         "parameters covered, all": [one for row in rows for one in row["parameters"]],
+        "none of these, the named cause withheld": [one["withheld"] == "none_of_these" for one in right],
     }.items():
         print(f"{what}: {sum(held)} of {len(held)}")
 
