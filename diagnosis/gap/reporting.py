@@ -99,6 +99,7 @@ def reported(done: Answered, began: Began) -> Report:
         or_none=decision.or_none,
         gap=decision.gap,
         rejected=decision.rejected,
+        unlike=decision.unlike,
         where=_places(where, first, dict(zip(problem.system.output_names, problem.floor.tolist(), strict=True))),
         balance=where.verdict if decision.verdict != "no_gap" else "none",
         sources=_sources(where),

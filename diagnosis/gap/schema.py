@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 16
+SCHEMA_VERSION = 17
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -239,6 +239,7 @@ class Report(Result, _Table):
     or_none: bool = Field(description="whether none of the candidates belongs to the set, too")
     gap: bool = Field(description="whether tests find a gap, whatever its cause")
     rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
+    unlike: bool = Field(False, description="whether the nearest candidate leaves more unexplained than it explains")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
     sources: list[SourceOf] = Field(description="what the balances may lack")

@@ -147,8 +147,13 @@ def _which(report: Report) -> str:
         tried = sum(one.name not in {*report.excluded, *report.failed} for one in report.effects)
         otherwise = ": one of them may act by another law than described" if tried else ""
         rejected = ", which is rejected on its own bootstrap replicates" if report.rejected else ""
+        if report.unlike:
+            rejected = ", which leaves more unexplained than it explains"
         nearest = f"; the nearest is {chosen}{rejected}" if chosen else ""
         said = f"Which: none of the {tried} candidates explains it{nearest}."
+        if report.unlike:
+            wider = f", or try {report.wider}, which has wider ranges" if report.wider else ""
+            return f"{said} The description is hardly that of this room: correct it{wider}."
         if report.uncalibrated:
             return f"{said} How sure that is cannot be told before `diagnosis farm` has calibrated this system."
         return f"{said} That the cause is none of them is {chance(report.none_of_these)} sure{otherwise}."

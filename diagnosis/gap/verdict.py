@@ -130,7 +130,8 @@ class Decision:
     ``probabilities`` by candidate that it is a cause, ``none`` that the cause is none of them and ``nothing`` that
     there is no gap; for a single cause they sum to 1. ``mistaken``: probability that no cause is among what is named
     first. ``named`` are the effects of the answer, ``sets`` one for each effect found; ``or_none``: whether none of
-    these is in the set, too. ``gap``: whether tests find a gap; ``rejected``: whether one is left beside the effects.
+    these is in the set, too. ``gap``: whether tests find a gap; ``rejected``: whether one is left beside the effects;
+    ``unlike``: whether no effect is named because more is left than is explained.
     """
 
     verdict: Verdict
@@ -143,6 +144,7 @@ class Decision:
     or_none: bool
     gap: bool
     rejected: bool
+    unlike: bool
 
 
 def candidates_sha256(effects: Sequence[Effect]) -> str:
@@ -240,6 +242,8 @@ def probabilities(
     values = np.array([*evidence.candidates.values()])
     odds = [sum(weight * known[name] for name, weight in nothing.items())]
     odds += [sum(weight * known[name] for name, weight in none.items())]
+    if evidence.missing:  # recordings with a known cause hardly look like this, so weights do not say what it means
+        odds[1] = max(odds[1], power * evidence.missing)
     odds += (power * (values - values.max())).tolist() if len(values) else []
     chance = np.exp(np.array(odds) - logsumexp(odds)).tolist()
     second = power * np.array([*evidence.beside.values()])
@@ -255,8 +259,8 @@ def probabilities(
 def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
     """The answer that evidence gives.
 
-    ``own``: whether the verdicts were worked out on this very system. Where they were not, what the best candidate
-    leaves may be what its description lacks: a candidate that is rejected on its own replicates is then no answer.
+    ``own``: whether the verdicts were worked out on this very system. Where they were not, or where more is left than
+    is explained, the description may lack something: a candidate that is rejected on its own replicates is no answer.
     """
     chance = probabilities(evidence, by.nothing, by.none, by.power)
     held, beside = limit(by.held, evidence), chance.beside
@@ -278,6 +282,7 @@ def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
             or_none=bool(sets) and chance.none >= held,
             gap=evidence.gap,
             rejected=evidence.rejected,
+            unlike=verdict == "none_of_these" and evidence.missing > 0,
         )
 
     if not evidence.gap:
@@ -286,7 +291,7 @@ def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
         return answer("unfinished")
     if chance.nothing >= LIKELY:
         return answer("no_gap")
-    rejected = evidence.rejected and not own
+    rejected = evidence.rejected and (not own or evidence.missing > 0)
     if not evidence.chosen or rejected or chance.none > sum(chance.causes.values()):
         return answer("none_of_these")
     sets = [held_by(chance.causes, evidence.chosen[:1], held)]

@@ -73,6 +73,17 @@ def test_probabilities_are_those_of_a_conditional_logit():
     assert [found.nothing, found.none, *found.causes.values()] == pytest.approx(expected.tolist())
 
 
+def test_what_leaves_more_than_it_explains_is_no_cause():
+    by = BY.model_copy(update={"none": {"one": -1.0}})
+    explains = replace(LOUD, rejected=True, left=45.0)
+    assert (decide(explains, by).verdict, decide(explains, by).unlike) == ("ambiguous", False)
+    done = decide(replace(explains, left=58.0), by)
+    assert (done.verdict, done.named, done.unlike) == ("none_of_these", (), True)
+    assert done.none / done.probabilities["one"] == pytest.approx(np.exp(0.5 * (58.0 - 50.0)))
+    whole(done)
+    assert decide(replace(explains, left=58.0, rejected=False), by).verdict == "ambiguous"
+
+
 def test_without_candidates_the_cause_is_none_of_them_or_there_is_no_gap():
     found = probabilities(replace(QUIET, candidates={}), BY.nothing, BY.none, BY.power)
     assert found.causes == {}
