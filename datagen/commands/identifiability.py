@@ -181,7 +181,7 @@ def _print_reachable(one: Reachable) -> None:
         table.add_row(name, Text(value), f"{linearised:.3f}", f"{scored:.3f}", f"{effective:.0f}")
     console.print(table)
     if None in one.r2:
-        said = "Empty: in some room the chain has too few effective draws to say; more --steps help if it moves at all."
+        said = "Empty: chains of so few effective draws say too little; more --steps help."
         console.print(said, markup=False)
 
 

@@ -47,7 +47,7 @@ DIFFERENCE = 0.1
 TIGHT, LOOSE = 1e-6, 1e-5
 """Tolerances of differences, and of recordings and chains alike: to a tenth of a sensor's noise."""
 ENOUGH = 10.0
-"""Effective draws of each room, below which its posterior variance says too little."""
+"""Effective draws of a room, in the harmonic mean: below, chains are so short that more than a tenth is corrected."""
 
 
 class Room(BaseModel):
@@ -69,9 +69,9 @@ class Room(BaseModel):
 class Reachable(BaseModel):
     """The reachable ceiling under one condition; lists are by parameter, and of their mean.
 
-    ``r2`` with its 90 % interval over rooms, None where a room has fewer than :data:`ENOUGH` effective draws;
+    ``r2`` with its 90 % interval over rooms, None where these have fewer than :data:`ENOUGH` effective draws;
     ``linearised``, of the same rooms and their past; ``scored``, the R2 that the posterior means have; ``effective``,
-    the fewest effective draws of a room; ``acceptance``, least and most.
+    effective draws of a room in the harmonic mean, as errors of a variance add up; ``acceptance``, least and most.
     """
 
     context_hours: float
@@ -145,11 +145,11 @@ def summarised(names: list[str], context: float, noise: str, channels: list[str]
 
     each = r2([one.variance for one in rooms])
     draws = each[np.random.default_rng(0).integers(len(rooms), size=(1000, len(rooms)))].mean(axis=1)
-    least = np.min([one.effective for one in rooms], axis=0)
-    least = np.append(least, least.min())
+    usual = 1 / np.mean(1 / np.maximum([one.effective for one in rooms], 1e-9), axis=0)
+    usual = np.append(usual, usual.min())
 
     def where_enough(values: np.ndarray, rooms_needed: int = 1) -> list[float | None]:
-        enough = (least >= ENOUGH) & (len(rooms) >= rooms_needed)
+        enough = (usual >= ENOUGH) & (len(rooms) >= rooms_needed)
         return [float(value) if good else None for value, good in zip(values, enough, strict=True)]
 
     return Reachable(
@@ -162,7 +162,7 @@ def summarised(names: list[str], context: float, noise: str, channels: list[str]
         high=where_enough(np.percentile(draws, 95, axis=0), 2),
         linearised=r2([one.linearised for one in rooms]).mean(axis=0).tolist(),
         scored=r2([one.error for one in rooms]).mean(axis=0).tolist(),
-        effective=least.tolist(),
+        effective=usual.tolist(),
         acceptance=(min(one.acceptance for one in rooms), max(one.acceptance for one in rooms)),
         rooms=len(rooms),
     )

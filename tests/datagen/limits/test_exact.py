@@ -173,7 +173,7 @@ def test_too_few_effective_draws_leave_a_value_empty():
     found = summarised(["a", "b"], 24.0, "sensor", ["room"], rooms)
     assert found.r2[0] == pytest.approx(0.8)
     assert found.r2[1:] == found.low[1:] == [None, None]
-    assert found.linearised[1] == pytest.approx(0.8) and found.effective[1] == 3.0
+    assert found.linearised[1] == pytest.approx(0.8) and found.effective[1] == pytest.approx(2 / (1 / 40 + 1 / 3))
 
 
 def test_the_command_names_both_ceilings(house, tmp_path, capsys):

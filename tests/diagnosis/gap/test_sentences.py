@@ -114,6 +114,9 @@ def test_what_no_candidate_explains_is_said_of_the_nearest_only():
     assert "none of the 2 candidates explains it; the nearest is valve, which is rejected on its own bootstrap" in which
     assert "That the cause is none of them is 61% sure" in which
     assert "held-out days, even the nearest (valve) removes 10% in room" in far
+    which = summary(report(**other, stages=fitted, rejected=True, unlike=True, wider="Room"))[1]
+    assert "valve, which leaves more unexplained than it explains. The description is hardly that of this room" in which
+    assert which.endswith("correct it, or try Room, which has wider ranges.")
     far = summary(report(**other, stages=fitted[:1]))[2]
     assert far == (
         "How far: no candidate explains enough of the gap to be fitted, so nothing is known that would shrink it."
