@@ -162,5 +162,6 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
 def _missing(done: Diagnosis) -> list[str]:
     """What is said of each source that the balances may lack."""
     where = done.where.among_all()
-    labels = dict(zip(where.residuals.names, where.residuals.labels, strict=True))
-    return where.sources.said(labels, answered_by(done)) if where.sources is not None else []
+    if where.sources is None or done.report.unlike:
+        return []
+    return where.sources.said(dict(zip(where.residuals.names, where.residuals.labels, strict=True)), answered_by(done))

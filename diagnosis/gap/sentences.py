@@ -118,6 +118,8 @@ def _kind(report: Report, sensors: Collection[str]) -> str:
     That is of the base model alone, whose parameters have made up for some of it: an effect of the other sort that is
     named was fitted with them, and is not contradicted.
     """
+    if report.unlike:  # a model of another room says nothing of the sensors in this one
+        return ""
     named = {one.name in sensors for one in report.effects if one.named}
     if report.balance == "sensor":
         return "" if False in named else " It looks like the error of a sensor rather than of a balance."

@@ -100,6 +100,7 @@ def test_the_place_does_not_contradict_the_cause_that_is_named():
     assert "in the balance" in kind("balance", "valve") and kind("balance", "probe") == ""
     # where no effect is named there is nothing to contradict
     assert kind("sensor", verdict="none_of_these", none_of_these=0.6) == sensor
+    assert kind("sensor", verdict="none_of_these", none_of_these=0.6, unlike=True) == ""
 
 
 def test_what_no_candidate_explains_is_said_of_the_nearest_only():
