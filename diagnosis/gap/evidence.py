@@ -155,13 +155,8 @@ class Evidence:
 
     @property
     def missing(self) -> float:
-        """By how much what is left beside what was chosen, and is rejected, has more log evidence than that; else 0."""
-        if not self.rejected or not self.chosen:
-            return 0.0
-        explained = [
-            known.get(name, 0.0) for name, known in zip(self.chosen, (self.candidates, self.beside), strict=False)
-        ]
-        return max(self.left - sum(explained), 0.0)
+        """By how much a discrepancy gains more beside what was chosen, and is rejected, than that has taken of it."""
+        return max(2 * self.left - self.before, 0.0) if self.rejected and self.chosen else 0.0
 
 
 def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Evidence:

@@ -75,11 +75,11 @@ def test_probabilities_are_those_of_a_conditional_logit():
 
 def test_what_leaves_more_than_it_explains_is_no_cause():
     by = BY.model_copy(update={"none": {"one": -1.0}})
-    explains = replace(LOUD, rejected=True, left=45.0)
+    explains = replace(LOUD, rejected=True, before=100.0, left=45.0)
     assert (decide(explains, by).verdict, decide(explains, by).unlike) == ("ambiguous", False)
     done = decide(replace(explains, left=58.0), by)
     assert (done.verdict, done.named, done.unlike) == ("none_of_these", (), True)
-    assert done.none / done.probabilities["one"] == pytest.approx(np.exp(0.5 * (58.0 - 50.0)))
+    assert done.none / done.probabilities["one"] == pytest.approx(np.exp(0.5 * (58.0 - 42.0)))
     whole(done)
     assert decide(replace(explains, left=58.0, rejected=False), by).verdict == "ambiguous"
 
