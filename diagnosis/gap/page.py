@@ -162,6 +162,6 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
 def _missing(done: Diagnosis) -> list[str]:
     """What is said of each source that the balances may lack."""
     where = done.where.among_all()
-    if where.sources is None or done.report.unlike:
+    if where.sources is None or done.report.foreign:
         return []
     return where.sources.said(dict(zip(where.residuals.names, where.residuals.labels, strict=True)), answered_by(done))

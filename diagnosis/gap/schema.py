@@ -292,6 +292,11 @@ class Report(Result, _Table):
     uncalibrated: str = Field("", description="why the probabilities are of another system; empty if they are not")
 
     @property
+    def foreign(self) -> bool:
+        """Whether the model is hardly that of the room: more is left than explained, with a parameter on its bound."""
+        return self.unlike and any(one.at_bound for one in self.parameters)
+
+    @property
     def foremost(self) -> list[NamedEffect]:
         """Candidates worth a line of their own: those of the answer, and others of some probability."""
         return [one for one in self.effects if one.named or one.probability >= NOTICED]
