@@ -114,7 +114,7 @@ class Column:
         low, high = float(self.seen.min()), float(self.seen.max())
         if low == high:
             return f"is always {low:g}"
-        said = "0 and 1 only" if self.binary else f"{round(low, 9):.5g} to {round(high, 9):.5g}"
+        said = "0 and 1 only" if self.binary else f"{round(low, 9) + 0:.5g} to {round(high, 9) + 0:.5g}"
         if self.rises:
             return f"{said}, and only rises"
         peak = self.peak
