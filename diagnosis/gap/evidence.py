@@ -154,8 +154,11 @@ class Evidence:
     p_values: dict[str, float]
 
     @property
-    def missing(self) -> float:
-        """By how much a discrepancy gains more beside what was chosen, and is rejected, than that has taken of it."""
+    def excess(self) -> float:
+        """How much more log evidence a discrepancy has beside what was chosen than that took of it.
+
+        0 where it has less, and where bootstrap replicates do not reject what was chosen.
+        """
         return max(2 * self.left - self.before, 0.0) if self.rejected and self.chosen else 0.0
 
 

@@ -242,8 +242,8 @@ def probabilities(
     values = np.array([*evidence.candidates.values()])
     odds = [sum(weight * known[name] for name, weight in nothing.items())]
     odds += [sum(weight * known[name] for name, weight in none.items())]
-    if evidence.missing:  # recordings with a known cause hardly look like this, so weights do not say what it means
-        odds[1] = max(odds[1], power * evidence.missing)
+    if evidence.excess:  # recordings with a known cause hardly look like this, so weights do not say what it means
+        odds[1] = max(odds[1], power * evidence.excess)
     odds += (power * (values - values.max())).tolist() if len(values) else []
     chance = np.exp(np.array(odds) - logsumexp(odds)).tolist()
     second = power * np.array([*evidence.beside.values()])
@@ -282,7 +282,7 @@ def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
             or_none=bool(sets) and chance.none >= held,
             gap=evidence.gap,
             rejected=evidence.rejected,
-            unlike=verdict == "none_of_these" and evidence.missing > 0,
+            unlike=verdict == "none_of_these" and evidence.excess > 0,
         )
 
     if not evidence.gap:
@@ -291,7 +291,7 @@ def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
         return answer("unfinished")
     if chance.nothing >= LIKELY:
         return answer("no_gap")
-    rejected = evidence.rejected and (not own or evidence.missing > 0)
+    rejected = evidence.rejected and (not own or evidence.excess > 0)
     if not evidence.chosen or rejected or chance.none > sum(chance.causes.values()):
         return answer("none_of_these")
     sets = [held_by(chance.causes, evidence.chosen[:1], held)]

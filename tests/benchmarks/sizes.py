@@ -1,6 +1,6 @@
 """How many 90 % intervals of sizes and parameters cover where one effect acts, and what is said without its candidate.
 
-    python tests/benchmarks/sizes.py MixedAirCO2 --recordings 23 --seed 60713 --out sizes
+    python tests/benchmarks/sizes.py MixedAirCO2 --recordings 18 --seed 811287 --out sizes
 
 The rooms are those of the blind check's truth: its FMU has finer walls. The effect acts by its candidate's own law, one
 to four of its scales strong. Where it is named, the recording is diagnosed again with its candidate withheld. Take a

@@ -115,6 +115,8 @@ def test_the_wheel_has_every_module_and_its_estimator_predicts(dist, tmp_path):
             {one.relative_to(root) for one in (root / package).rglob("*.py")} for root in (tmp_path / "wheel", ROOT)
         )
         assert found == sources
+    where = environment.out("python", "-c", "import trainer; print(trainer.__file__)", cwd=tmp_path)
+    assert where.startswith(str(tmp_path / "wheel"))
     simulate("MixedAirCO2", hours=168.0, seed=3, out=tmp_path / "room.nc")
     predicted(environment, tmp_path)
 

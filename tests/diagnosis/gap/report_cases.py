@@ -73,6 +73,7 @@ BARE = {
     "mistaken": 0.1,
     "assumed": {},
     "rejected": False,
+    "unlike": False,
     "or_none": False,
     "gap": True,
     "balance": "none",
