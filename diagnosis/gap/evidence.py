@@ -155,11 +155,11 @@ class Evidence:
 
     @property
     def excess(self) -> float:
-        """How much more log evidence a discrepancy has beside what was chosen than that took of it.
+        """How much more log evidence a discrepancy has beside what was chosen, if anything was, than that took of it.
 
         0 where it has less, and where bootstrap replicates do not reject what was chosen.
         """
-        return max(2 * self.left - self.before, 0.0) if self.rejected and self.chosen else 0.0
+        return max(2 * self.left - self.before, 0.0) if self.rejected else 0.0
 
 
 def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Evidence:

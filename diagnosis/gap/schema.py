@@ -239,7 +239,7 @@ class Report(Result, _Table):
     or_none: bool = Field(description="whether none of the candidates belongs to the set, too")
     gap: bool = Field(description="whether tests find a gap, whatever its cause")
     rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
-    unlike: bool = Field(description="whether the nearest candidate leaves more unexplained than it explains")
+    unlike: bool = Field(description="whether more is left unexplained than the nearest candidate, if any, explains")
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
     sources: list[SourceOf] = Field(description="what the balances may lack")

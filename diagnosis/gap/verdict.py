@@ -242,16 +242,17 @@ def probabilities(
     values = np.array([*evidence.candidates.values()])
     odds = [sum(weight * known[name] for name, weight in nothing.items())]
     odds += [sum(weight * known[name] for name, weight in none.items())]
+    odds += (power * (values - values.max())).tolist() if len(values) else []
+    no_gap = float(np.exp(odds[0] - logsumexp(odds)))
     if evidence.excess:  # recordings with a known cause hardly look like this, so weights do not say what it means
         odds[1] = max(odds[1], power * evidence.excess)
-    odds += (power * (values - values.max())).tolist() if len(values) else []
-    chance = np.exp(np.array(odds) - logsumexp(odds)).tolist()
+    chance = ((1 - no_gap) * np.exp(np.array(odds[1:]) - logsumexp(odds[1:]))).tolist()
     second = power * np.array([*evidence.beside.values()])
     beside = np.exp(second - logsumexp(second)).tolist() if len(second) else []
     return Probabilities(
+        no_gap,
         chance[0],
-        chance[1],
-        dict(zip(evidence.candidates, chance[2:], strict=True)),
+        dict(zip(evidence.candidates, chance[1:], strict=True)),
         dict(zip(evidence.beside, beside, strict=True)),
     )
 
