@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +18,7 @@ from shared.schema import EPOCH, method_fault, methods_of, of_another
 from shared.stretches import Steps, Stretch, chosen
 from shared.system import System
 from shared.times import read_recorded, recorded_begins, recorded_times, time_zero
+from shared.variables import WeatherInput
 
 HOUR = 3600.0
 DAY = 24 * HOUR
@@ -87,6 +88,29 @@ def needed_inputs(
     idle = {one.name for one in system.inputs if one.source == "measured" and system.replay and not replay}
     idle |= {one.name for one in system.inputs if one.source == "occupancy" and occupancy == "unknown"}
     return [name for name in recorded if name not in idle]
+
+
+def said_missing(system: System, recorded: Container[str]) -> str:
+    """Which inputs a simulation lacks that were not recorded, and where to write them; "" where it lacks none.
+
+    Weather has no stand-in, nor has a measured input in whose place no controller of the FMU acts.
+    """
+    lacking = [
+        one
+        for one in system.inputs
+        if one.name not in recorded
+        if isinstance(one, WeatherInput) or (one.source == "measured" and not system.replay)
+    ]
+    if not lacking:
+        return ""
+    names = ", ".join(f"{one.name} [{one.unit}]" for one in lacking)
+    tables = [
+        f"[weather.{one.column}]" if isinstance(one, WeatherInput) else f"[variables.{one.name}]" for one in lacking
+    ]
+    return (
+        f"not recorded, and needed by a simulation: {names}; expected"
+        f" a column of the log for each, named in the import's mapping under {', '.join(dict.fromkeys(tables))}"
+    )
 
 
 def read_recording(

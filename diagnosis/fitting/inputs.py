@@ -37,7 +37,7 @@ from datagen.driving.inputs import schedule_signal
 from datagen.driving.occupancy import occupancy_prior
 from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.fitting.nuisance import FIELDS, Level, Nuisance, no_nuisance
-from diagnosis.recording import DAY, HOUR, Recording, extended, whole_days
+from diagnosis.recording import DAY, HOUR, Recording, extended, said_missing, whole_days
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.signals import Occupancy
 from shared.system import System
@@ -354,6 +354,9 @@ def drive(
         )
     lead = round(warm_up / recording.step)
     begin = recording.start - whole_days(recording, lead) * recording.step
+    sought = [one.name for one in system.inputs if one.source == "measured"] if replay else []  # by :func:`_actuator`
+    if lacking := said_missing(system, {*recording.inputs, *sought}):
+        raise RecordingError(f"{recording.path}: {lacking}")
     signals: dict[str, Piecewise] = {}
     assumed: dict[str, str] = {}
     replayed = []
@@ -380,8 +383,6 @@ def drive(
             if one.name in recording.assumed and not (one.source == "measured" and replay):
                 assumed.setdefault(one.name, recording.assumed[one.name])
             signals[one.name] = extended(recording, values, lead, held=one.interpolation == "previous")
-        elif one.source == "weather" or (one.source == "measured" and not system.replay):
-            raise RecordingError(f"{recording.path}: input {one.name!r} was not recorded; expected it in {one.unit}")
         elif one.source == "schedule":
             signals[one.name] = schedule_signal(system.schedules[one.schedule], begin, recording.stop)
             assumed[one.name] = f"schedule {one.schedule!r} of the description"

@@ -105,7 +105,10 @@ def damaged(recording, tmp_path, change):
             lambda d: d["TDryBul"].values.__setitem__(slice(5, None, 20), np.nan),
             "stretch without gaps has 19 h .TDryBul",
         ),
-        (lambda d: d.__delitem__("TDryBul"), "'TDryBul' was not recorded"),
+        (
+            lambda d: [d.__delitem__(name) for name in ("TDryBul", "HFac")],
+            r"TDryBul \[K\], HFac \[W/m2\]; .* mapping under \[weather.temp_air\], \[weather.poa_global\]",
+        ),
         (lambda d: d["CO2"].values.fill(400.0), "'CO2' is 400 ppm throughout"),
     ],
 )

@@ -118,6 +118,12 @@ def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Enc
     _check_step(path, recording, stamps, encoding)
     length = len(stamps)
     absent = [name for name in encoding.optional if name not in recording.data_vars]
+    if lacking := [name for name in encoding.recorded if name not in {*recording.data_vars, *absent}]:
+        known = {str(n): one for n, one in recording.data_vars.items() if one.dims in (("time",), ("system", "time"))}
+        found = ", ".join(name for name, one in known.items() if "flag_meanings" not in one.attrs)
+        raise RecordingError(
+            f"{path}: has no {', '.join(map(repr, lacking))}, which the run reads; found {found or 'nothing over time'}"
+        )
     methods: list[Method] | list[None] = encoding.methods or [None] * len(encoding.recorded)
     series = [
         np.full(length, np.nan, dtype=np.float32) if name in absent else _channel(path, recording, name, unit, method)
@@ -191,9 +197,6 @@ def _check_step(path: Path, recording: xr.Dataset, window: np.ndarray, encoding:
 
 def _channel(path: Path, recording: xr.Dataset, name: str, unit: str, method: Method | None) -> np.ndarray:
     """One channel, (time,) or (system, time), in the run's unit and of its cell method, where that is known."""
-    if name not in recording.data_vars:
-        found = ", ".join(str(n) for n, v in recording.data_vars.items() if "time" in v.dims)
-        raise RecordingError(f"{path}: has no channel {name!r}, which the run reads; found {found or 'none'}")
     variable = recording[name]
     units = variable.attrs.get("units")
     if units is None:

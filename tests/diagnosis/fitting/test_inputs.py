@@ -277,7 +277,7 @@ def test_what_drives_a_model_without_controllers_must_have_been_measured(house, 
     record = read_recording(house_recorded(tmp_path, hours=72), system)
     assert drive(system, record, warm_up=0.0).assumed == {}
     without = {name: values for name, values in record.inputs.items() if name != "To"}
-    with pytest.raises(RecordingError, match="input 'To' was not recorded; expected it in degC"):
+    with pytest.raises(RecordingError, match=r"simulation: To \[degC\]; .* under \[variables\.To\]"):
         drive(system, replace(record, inputs=without), warm_up=0.0)
     # an import has said so, and says it still
     stands_in = replace(record, assumed={"To": "assumed, not measured"})

@@ -119,7 +119,7 @@ def with_more_dimensions(r):
         ),
         (numbered, "time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
         (with_more_dimensions, r"level has dimensions \(room, time\); expected \(time\) or \(system, time\)"),
-        (lambda r: r.rename(level="height"), "has no channel 'level', which the run reads; found height"),
+        (lambda r: r.rename(level="height"), "has no 'level', which the run reads; found height"),
         (lambda r: r.drop_vars("time"), "has no coordinate 'time'"),
         (lambda r: r.isel(time=slice(0, 40)), r"has 40 samples \(20 h at the run's step\); the run needs 48 \(24 h\)"),
         (lambda r: r.isel(time=slice(None, None, 2)), "its step is 3600 s after 2001-01-01T02:30:00"),
@@ -199,5 +199,5 @@ def test_a_recording_in_memory_is_estimated_as_the_one_in_the_file(ridge_run, re
         found = predict(ridge_run, opened)
     assert found == predict(ridge_run, path)
     assert predict(ridge_run, recording).predictions == found.predictions
-    with pytest.raises(RecordingError, match=r"^dataset-\w+: has no channel 'level', which the run reads"):
+    with pytest.raises(RecordingError, match=r"^dataset-\w+: has no 'level', which the run reads"):
         predict(ridge_run, recording.drop_vars("level").drop_encoding())
