@@ -41,7 +41,7 @@ from diagnosis.recording import DAY, HOUR, Recording, extended, said_missing, wh
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.signals import Occupancy
 from shared.system import System
-from shared.variables import MeasuredInput
+from shared.variables import MeasuredInput, WeatherInput
 
 LONG = 2700.0
 """Steps at least so long have something within them that matters [s]."""
@@ -392,7 +392,7 @@ def drive(
         elif one.source == "excitation":
             signals[one.name] = Piecewise.constant(0.0)
             assumed[one.name] = "none"
-        else:
+        elif not isinstance(one, WeatherInput):  # which are recorded: see above
             signals[one.name] = Piecewise.constant(one.value)
             assumed.setdefault(one.name, f"{one.value:g} {one.unit} of the description")
     return Drive(signals, assumed, tuple(replayed), begin, recording.start, recording.stop, meters)

@@ -119,8 +119,8 @@ def _window(path: Path, recording: xr.Dataset, stamps: np.ndarray, encoding: Enc
     length = len(stamps)
     absent = [name for name in encoding.optional if name not in recording.data_vars]
     if lacking := [name for name in encoding.recorded if name not in {*recording.data_vars, *absent}]:
-        known = {str(n): one for n, one in recording.data_vars.items() if one.dims in (("time",), ("system", "time"))}
-        found = ", ".join(name for name, one in known.items() if "flag_meanings" not in one.attrs)
+        read = {str(n): one for n, one in recording.data_vars.items() if one.dims in (("time",), ("system", "time"))}
+        found = ", ".join(name for name, one in read.items() if "flag_meanings" not in one.attrs)
         raise RecordingError(
             f"{path}: has no {', '.join(map(repr, lacking))}, which the run reads; found {found or 'nothing over time'}"
         )
