@@ -16,7 +16,7 @@ from shared.errors import RecordingError
 def import_(
     mapping: Path | None = None,
     data: Path | None = None,
-    *,
+    *more: Path,
     out: Place | None = None,
     draft: Path | None = None,
     system: Path | None = None,
@@ -34,6 +34,8 @@ def import_(
         Column mapping (TOML): which column is which variable, in which unit; the clock; the place.
     data
         The measurements (CSV, Excel, Parquet or NetCDF).
+    more
+        Further mappings and measurements in turn, such as those of a weather station.
     out
         The recording to write (NetCDF); a picture of it is written next to it. Of a draft the mapping, `mapping.toml`
         if not given.
@@ -58,7 +60,7 @@ def import_(
     from diagnosis.measurements.importer import import_recording
     from diagnosis.measurements.output import print_report
 
-    report = import_recording(mapping, data, out=out, system=system, ahead=ahead)
+    report = import_recording(mapping, data, *more, out=out, system=system, ahead=ahead)
     if as_json:
         sys.stdout.write(report.model_dump_json(indent=1) + "\n")
     else:

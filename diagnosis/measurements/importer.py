@@ -171,12 +171,12 @@ _MOST_STEPS = 5_000_000
 def import_recording(
     mapping: Path | str,
     data: Path | str,
-    *,
+    *more: Path | str,
     out: Path | str,
     system: System | Path | str | None = None,
     ahead: bool = False,
 ) -> ImportReport:
-    """Turn a file of measurements into a recording (NetCDF) and draw it.
+    """Turn measurements into a recording (NetCDF) and draw it.
 
     Parameters
     ----------
@@ -184,10 +184,13 @@ def import_recording(
         Column mapping (TOML): see :mod:`diagnosis.measurements.mapping`.
     data
         The measurements: CSV, Excel, Parquet or NetCDF.
+    more
+        Further mappings and measurements in turn, as of a weather station. The recording has the clock, the steps and
+        the time of the first.
     out
         The recording; its picture lies next to it, ending in ``.png``.
     system
-        System description; by default the one that the mapping names.
+        System description; by default the one that the first mapping names.
     ahead
         Whether the recording goes on after the last reading of an output as long as all inputs do, for a forecast.
 
@@ -203,40 +206,49 @@ def import_recording(
     SystemDescriptionError
         If the system description cannot be used.
     """
-    if Path(data).suffix.lower() == ".toml" and Path(mapping).suffix.lower() != ".toml":
+    given = [Path(one) for one in (mapping, data, *more)]
+    if len(given) % 2 or any(one.suffix.lower() == ".toml" for one in given[1::2]):
         raise RecordingError(
-            f"{mapping}, {data}: the second is a TOML; expected the mapping (TOML) first and the measurements second"
+            f"{', '.join(map(str, given))}: expected a mapping (TOML) and its measurements in turn, as room.toml"
+            " room.csv weather.toml weather.csv"
         )
-    settings = load_mapping(mapping)
+    settings = [load_mapping(one) for one in given[::2]]
     described = _system(settings, system)
     out = Path(out)
     if out.suffix != ".nc":
         raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .nc")
     check_folder(out.parent, RecordingError)
     check_free(out, out.with_suffix(".png"))
-    measurements = read_measurements(Path(data), settings)
+    read = [read_measurements(path, one) for path, one in zip(given[1::2], settings, strict=True)]
+    measurements, data = read[0], given[1]
     length = float(measurements.utc[-1] - measurements.utc[0])
     interval = float(np.median(np.diff(measurements.utc)))
     if length + interval < DAY:
         raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
-    clock = make_clock(measurements.zone, find_zone(measurements.zone, str(settings.path)), measurements.utc[0])
-    composer = _composer(described, settings, measurements, clock)
-    series, missing = _series(composer)
-    composer.outdoors.check_sun(series)
-    composer.outdoors.tell_unused()
+    clock = make_clock(measurements.zone, find_zone(measurements.zone, str(settings[0].path)), measurements.utc[0])
+    edges = _edges(described, settings[0], read, clock, ahead)
+    composers = [Composer(described, *one, clock, edges) for one in zip(settings, read, strict=True)]
+    composer = composers[0]
+    for one in composers[1:]:
+        composer.notes.extend(_beside(one))
+    series, missing = _series(composers)
+    for one in composers:
+        one.outdoors.check_sun(series)
+        one.outdoors.tell_unused()
     first, last = _span(composer, series, ahead)
-    for one in series:
-        one.cut(first, last)
-    kept = Kept(series, described, composer.step, float(composer.edges[first]), composer.judge.valid)
+    for variable in series:
+        variable.cut(first, last)
+    valid = {key: line for one in composers for key, line in one.judge.valid.items()}
+    kept = Kept(series, described, composer.step, float(composer.edges[first]), valid)
     stretches = _stretches(composer, kept)
     composer.tell_of_daylight_saving(first + stretches[0][0], first + stretches[-1][1])
     counted = None if kept.stretches() else "unknown"
     time = composer.edges[first + 1 : last + 1]
     attributes = {
-        "source": settings.source or str(Path(data).name),
-        "source_file": Path(data).name,
-        "source_sha256": sha256_of(Path(data)),
-        "comment": settings.description,
+        "source": "; ".join(one.source or path.name for one, path in zip(settings, given[1::2], strict=True)),
+        "source_file": ", ".join(one.name for one in given[1::2]),
+        "source_sha256": ", ".join(map(sha256_of, given[1::2])),
+        "comment": " ".join(one.description for one in settings if one.description),
     }
     dataset = build_recording(series, time, clock, described, attributes)
     begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
@@ -273,54 +285,88 @@ def import_recording(
         comparisons=[found for one in series if (found := _compare(one)) is not None],
         not_recorded=missing,
         lacking=sentences_of(missing, described),
-        unused_columns=[str(name) for name in measurements.columns if name not in composer.used],
-        notes=[*measurements.notes, *composer.notes],
+        unused_columns=[str(name) for one in composers for name in one.data.columns if name not in one.used],
+        notes=[note for one in composers for note in (*one.data.notes, *one.notes)],
         physics=check_physics(described, read_recording(out, described, occupancy=counted, said=False)),
     )
 
 
-def _system(mapping: Mapping, given: System | Path | str | None) -> System:
+def _system(mappings: Sequence[Mapping], given: System | Path | str | None) -> System:
+    first = mappings[0]
     if isinstance(given, System):
         return given
-    if given is None and mapping.system is None:
-        raise RecordingError(f"{mapping.path}: system is missing; expected the system description that is measured")
+    if given is None and first.system is None:
+        raise RecordingError(f"{first.path}: system is missing; expected the system description that is measured")
     if given is None:
-        beside = mapping.path.parent / str(mapping.system)
-        given = beside if beside.exists() else resolved(str(mapping.system))
+        beside = first.path.parent / str(first.system)
+        given = beside if beside.exists() else resolved(str(first.system))
         given = given if given.exists() else beside
     system = load_system(given)
-    check_against(mapping, system)
+    check_against(mappings, system)
     return system
 
 
-def _composer(system: System, mapping: Mapping, data: Measurements, clock: Clock) -> Composer:
+def _edges(system: System, mapping: Mapping, read: Sequence[Measurements], clock: Clock, ahead: bool) -> np.ndarray:
+    """Edges of the grid, shape (steps + 1,) [s of the clock]: over the first measurements, and ahead over all."""
+    data = read[0]
     step = mapping.grid.step or system.experiment.step
-    time = clock.seconds(data.utc)
-    if step > (length := float(time[-1] - time[0])):
+    begin = float(clock.seconds(data.utc[:1])[0])
+    end = max(float(clock.seconds(one.utc[-1:])[0]) for one in (read if ahead else read[:1]))
+    if step > end - begin:
         raise RecordingError(
-            f"{data.path}: spans {length / 3600:.3g} h, and a step is {step:g} s; expected two steps at least"
+            f"{data.path}: spans {(end - begin) / 3600:.3g} h, and a step is {step:g} s; expected two steps at least"
             f" (grid.step of {mapping.path}, or the system's own)"
         )
-    first, last = np.floor(time[0] / step) - 1, np.ceil(time[-1] / step) + 1
+    first, last = np.floor(begin / step) - 1, np.ceil(end / step) + 1
     if last - first > _MOST_STEPS:
         raise RecordingError(
-            f"{data.path}: {clock.text(time[0])} to {clock.text(time[-1])} are {last - first:.3g} steps of {step:g} s; "
+            f"{data.path}: {clock.text(begin)} to {clock.text(end)} are {last - first:.3g} steps of {step:g} s; "
             f"expected at most {_MOST_STEPS:g} (is time.format right?)"
         )
-    return Composer(system, mapping, data, clock, step * np.arange(first, last + 1))
+    return np.asarray(step * np.arange(first, last + 1))
 
 
-def _series(composer: Composer) -> tuple[list[Series], list[str]]:
-    """All series that can be had, and the names of the variables that cannot."""
+def _beside(one: Composer) -> list[str]:
+    """What is said of measurements beside the first ones.
+
+    Raises
+    ------
+    RecordingError
+        If they are of another time.
+    """
+    data, clock = one.data, one.clock
+    begin, end = (float(value) for value in clock.seconds(data.utc[[0, -1]]))
+    if end <= one.edges[0] or begin >= one.edges[-1]:
+        raise RecordingError(
+            f"{data.path}: is of {clock.text(begin)} to {clock.text(end)}; expected measurements between"
+            f" {clock.text(float(one.edges[0]))} and {clock.text(float(one.edges[-1]))}, as the first file has them"
+        )
+    interval = float(np.median(np.diff(data.utc)))
+    return [f"{data.path}: {len(data.utc)} rows, usually {interval:g} s apart; clock of {data.zone}"]
+
+
+def _series(composers: Sequence[Composer]) -> tuple[list[Series], list[str]]:
+    """All series that can be had, each of the first mapping that has it, and the names of the variables that cannot."""
     series, missing = [], []
-    outputs = [(one.name, composer.output(one)) for one in composer.system.outputs]
-    inputs = [(one.name, composer.input(one)) for one in composer.system.inputs]
+    system = composers[0].system
+    outputs = [(one.name, [composer.output(one) for composer in composers]) for one in system.outputs]
+    inputs = [(one.name, [_of(composers, one)]) for one in system.inputs]
     for name, made in [*outputs, *inputs]:
-        if made is None:
+        found = next((one for one in made if one is not None), None)
+        if found is None:
             missing.append(name)
         else:
-            series.append(made)
+            series.append(found)
     return series, missing
+
+
+def _of(composers: Sequence[Composer], one: Input) -> Series | None:
+    """The series of an input: of the mapping that names it, of the weather of any, or what the first makes of it."""
+    named = [composer for composer in composers if one.name in composer.mapping.variables]
+    if isinstance(one, WeatherInput) and not named:
+        made = (composer.input(one) for composer in composers)
+        return next((series for series in made if series is not None), None)
+    return (named or composers)[0].input(one)
 
 
 def _span(composer: Composer, series: list[Series], ahead: bool) -> tuple[int, int]:

@@ -200,8 +200,6 @@ class Mapping(Table):
             for name, source in variables.items()  # those of the weather are interpolated anyway
             if source.fill is None and "fill_up_to" in source.model_fields_set
         ]
-        if not any(source.column for source in variables.values()):
-            wrong.append("no column is mapped; expected at least one output of the system")
         if wrong:
             raise ValueError("; ".join(wrong))
         return variables
@@ -257,34 +255,41 @@ _MOST = 30
 """Mistakes that are said at once."""
 
 
-def check_against(mapping: Mapping, system: System) -> None:
-    """Refuse a mapping that does not fit a system.
+def check_against(mappings: Sequence[Mapping], system: System) -> None:
+    """Refuse mappings of one recording that do not fit a system.
 
-    Raises RecordingError that names all names that the system does not have, and all units that cannot become those of
-    the system.
+    Raises RecordingError that names all names that the system does not have, all units that cannot become those of the
+    system, and what two mappings bring.
     """
-    wrong = []
     wanted = {one.name: one.unit for one in [*system.outputs, *system.inputs]}
-    sources = [("variables", name, source, wanted.get(name)) for name, source in mapping.variables.items()]
-    sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
-    for table, name, source, unit in sources:
-        if unit is None:
-            wrong.append(
-                f"variables: {name!r} is neither output nor input of {system.name}; found {', '.join(wanted)}"
-                f"{meant(name, wanted)}"
-            )
-            continue
-        for where, given in [("", source.unit), (".compare", source.compare.unit if source.compare else unit)]:
-            try:
-                convert(0.0, given, unit, density=mapping.air_density, where=f"{table}.{name}{where}")
-            except RecordingError as error:
-                wrong.append(str(error))
-    if not wrong and not any(name in mapping.variables for name in system.output_names):
-        wrong.append(
-            f"variables: no output of {system.name} is mapped; expected one of {', '.join(system.output_names)}"
-        )
-    if wrong:
-        raise _refused(mapping.path, wrong)
+    brought: dict[str, Path] = {}
+    refused = []
+    for mapping in mappings:
+        wrong = []
+        sources = [("variables", name, source, wanted.get(name)) for name, source in mapping.variables.items()]
+        sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
+        for table, name, source, unit in sources:
+            if unit is None:
+                wrong.append(
+                    f"variables: {name!r} is neither output nor input of {system.name}; found {', '.join(wanted)}"
+                    f"{meant(name, wanted)}"
+                )
+                continue
+            if (before := brought.setdefault(f"{table}.{name}", mapping.path)) != mapping.path:
+                wrong.append(f"{table}.{name}: is in {before}, too; expected it in one of them")
+            for where, given in [("", source.unit), (".compare", source.compare.unit if source.compare else unit)]:
+                try:
+                    convert(0.0, given, unit, density=mapping.air_density, where=f"{table}.{name}{where}")
+                except RecordingError as error:
+                    wrong.append(str(error))
+        refused += [str(_refused(mapping.path, wrong))] if wrong else []
+    if not refused and not any(f"variables.{name}" in brought for name in system.output_names):
+        refused = [
+            f"{mappings[0].path}: variables: no output of {system.name} is mapped; expected one of"
+            f" {', '.join(system.output_names)}"
+        ]
+    if refused:
+        raise RecordingError("\n".join(refused))
 
 
 def missing_columns(mapping: Mapping, columns: Sequence[str]) -> list[str]:

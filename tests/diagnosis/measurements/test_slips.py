@@ -106,7 +106,9 @@ def test_unknown_fields_name_what_was_expected(house, mapping, said):
 def test_mapping_and_measurements_in_the_wrong_order(tmp_path):
     (tmp_path / "log.csv").write_text(measured(days=2)[0].to_csv(index=False))
     (tmp_path / "map.toml").write_text(MAPPING)
-    with pytest.raises(RecordingError, match=r"expected the mapping \(TOML\) first and the measurements second"):
+    with pytest.raises(
+        RecordingError, match=r"log.csv, .*map.toml: expected a mapping \(TOML\) and its measurements in"
+    ):
         import_recording(tmp_path / "log.csv", tmp_path / "map.toml", out=tmp_path / "out.nc")
 
 
