@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -47,7 +48,9 @@ class Row:
     """What a recording of the farm was, and what the diagnosis found.
 
     ``stratum`` is one of :data:`STRATA`; ``true``: candidates that are causes; ``withheld``: the one that the diagnosis
-    was not given; ``gap``: root mean square of what the causes do at the most touched output [its noise].
+    was not given; ``gap``: root mean square of what the causes do at the most touched output [its noise]; ``errors`` by
+    parameter, with the effects that were chosen: estimate minus truth, and the standard deviation that the fit gives
+    it [standard deviations of its prior].
     """
 
     index: int
@@ -56,6 +59,7 @@ class Row:
     withheld: str
     gap: float
     evidence: Evidence
+    errors: tuple[tuple[float, float], ...]
     cpu_seconds: float
     simulations: int
 
@@ -203,24 +207,29 @@ def work(made_by: Generator, seed: int, index: int) -> dict[str, Any]:
     with TemporaryDirectory(prefix="farm") as folder:
         path = Path(folder) / f"{index}.nc"
         write(path, published(made, outputs, system, truth))
-        return asdict(diagnosed(system, truth.measuring.noise, path, drawn, gap, seed + index))
+        return asdict(diagnosed(made_by, path, drawn, gap, made.parameters, seed + index))
 
 
-def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, gap: float, seed: int) -> Row:
-    """What the diagnosis makes of a recording without what is withheld."""
+def diagnosed(
+    made_by: Generator, path: Path, drawn: Drawn, gap: float, parameters: Mapping[str, float], seed: int
+) -> Row:
+    """What the diagnosis makes of a recording without what is withheld; ``parameters`` are the true ones."""
     from diagnosis.gap.diagnosed import diagnose
 
-    began = time.process_time()
+    began, system = time.process_time(), made_by.system
     done = diagnose(
         system,
         path,
         replay=drawn.case.replay,
         occupancy="unknown" if drawn.case.unknown_occupancy else "measured",
-        noise=noise,
+        noise=made_by.truth.measuring.noise,
         effects=[one for one in library(system) if one.name != drawn.withheld],
         how_far=False,
         seed=seed,
     )
+    fit = done.search.settled[-1] if done.search.chosen else done.search.base
+    error = (fit.lin.z - fit.lin.problem.unknowns(parameters)) / fit.grams.spread
+    of_each = np.stack([error, fit.sd / fit.grams.spread], axis=1)[: len(system.parameters)]
     return Row(
         index=drawn.case.index,
         stratum=drawn.stratum,
@@ -228,6 +237,7 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, gap: float, 
         withheld=drawn.withheld,
         gap=gap,
         evidence=done.evidence,
+        errors=tuple((error, sd) for error, sd in of_each.tolist()),
         cpu_seconds=time.process_time() - began,
         simulations=done.report.simulations,
     )
@@ -236,7 +246,8 @@ def diagnosed(system: System, noise: str, path: Path, drawn: Drawn, gap: float, 
 def read_row(raw: dict[str, Any]) -> Row:
     """A row as it was written."""
     evidence = Evidence(**{**raw["evidence"], "chosen": tuple(raw["evidence"]["chosen"])})
-    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence})
+    errors = tuple((error, sd) for error, sd in raw["errors"])
+    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence, "errors": errors})
 
 
 def _one_of(shares: dict[str, float], place: float) -> str:

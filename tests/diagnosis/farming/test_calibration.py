@@ -56,7 +56,7 @@ def rows(count, seed):
         what = rng.choice(["none", "outside", *chance.causes], p=[chance.nothing, chance.none, *chance.causes.values()])
         stratum = str(what) if what in ("none", "outside") else "listed"
         true = () if what in ("none", "outside") else (str(what),)
-        made.append(Row(index, stratum, true, "", 1.0, evidence, 1.0, 1))
+        made.append(Row(index, stratum, true, "", 1.0, evidence, (), 1.0, 1))
     return tuple(made)
 
 

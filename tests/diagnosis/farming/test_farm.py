@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
 
 from diagnosis.cli import app
@@ -124,4 +125,6 @@ def test_a_recording_is_made_and_diagnosed(threads, default_system, tmp_path):
         }
     )
     (row,) = farm(few, tmp_path, recordings=1, hours=24.0, seed=18).made.rows
+    errors, sd = np.array(row.errors).T  # of an estimate that the recording told something of: within its spread
+    assert errors.shape == (3,) and (sd < 1.0).all() and (np.abs(errors) < 4 * sd).all()
     assert row.simulations > 100 and {*row.evidence.candidates} == {one.name for one in few.effects}
