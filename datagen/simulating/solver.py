@@ -24,6 +24,7 @@ from fmpy.sundials.libraries import (
 
 from datagen.fmi import calls
 from datagen.simulating import native, newton
+from shared import watchdog
 from shared.errors import SimulationError
 from shared.logs import logger
 
@@ -42,7 +43,9 @@ MAX_STEPS = 100_000
 @cache
 def _folder() -> tempfile.TemporaryDirectory[str]:
     """Where CVODE's warnings are written, which knows no other place than a file; it goes with the process."""
-    return tempfile.TemporaryDirectory(prefix="cvode-")
+    made = tempfile.TemporaryDirectory(prefix="zeroshot-cvode-")
+    watchdog.clean_at_end(made.cleanup)
+    return made
 
 
 def plain(pointer: Any) -> int:
