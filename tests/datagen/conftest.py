@@ -10,7 +10,7 @@ from datagen.driving.weather import weather_path
 from datagen.driving.weather_files import read_hourly
 from shared.system import parse_system
 from tests.datagen.faults import faulty, stay_in_this_process
-from tests.datagen.places import GREENSBORO
+from tests.datagen.places import GREENSBORO, sun_worked_out_once  # noqa: F401
 
 _BUILDER = Path(__file__).resolve().parents[1] / "fmus" / "small" / "builder.py"
 _BLANK = 'schema_version = 1\nname = "{name}"\nfmu = "{fmu}"\n[estimator]\nchannels = ["{channel}"]\n'

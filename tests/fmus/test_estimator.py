@@ -25,17 +25,14 @@ def room(tmp_path_factory):
     return path
 
 
-def test_it_belongs_to_the_system_and_its_fmu():
-    card, system = load_run(NAME).card, load_system(NAME)
-    assert card.system_hash == system.hash()
-    assert card.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
+@pytest.mark.parametrize("name", [NAME, "Room"])
+def test_estimators_and_ceilings_belong_to_their_system_and_its_fmu(name):
+    card, system = load_run(name).card, load_system(name)
     assert card.encoding.parameters == system.parameter_names
-
-
-def test_the_ceilings_beside_it_are_of_the_same_system():
-    ceilings, system = read_ceilings(HOME / "identifiability.json"), load_system(NAME)
-    assert ceilings.system_hash == system.hash()
-    assert ceilings.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
+    assert card.encoding.facts == ([*system.parameter_names, *(one.name for one in system.told)] if system.told else [])
+    for one in (card, read_ceilings(HOME / "identifiability.json")) if name == NAME else (card,):
+        assert one.system_hash == system.hash()
+        assert one.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
 
 
 def test_it_estimates_an_unseen_room(room):

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+from collections import Counter
 
 import dask
 import numpy as np
@@ -155,7 +156,7 @@ def listening():
 def test_a_leaking_fmu_gets_fresh_workers_and_nothing_listens_beyond_this_machine(
     tank, tmp_path, monkeypatch, taken_to_be_alive
 ):
-    """Three years of a tank, each of which loses eighty megabytes: no worker sees all of them, however short.
+    """Four years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
 
     Dask would give up for good a worker that is not back in time: the farm does not let it, whatever is set. Nor is its
     nanny closed where the scheduler has let it go and says so late, as on a busy machine; heartbeats come meanwhile.
@@ -174,12 +175,13 @@ def test_a_leaking_fmu_gets_fresh_workers_and_nothing_listens_beyond_this_machin
 
     monkeypatch.setattr(Scheduler, "remove_worker", late)
     monkeypatch.setattr(Collection, "take", watched)
-    size = {**SIZE, "systems": 3, "shard_size": 1, "hours": 8760.0, "quiet": True}
+    size = {**SIZE, "systems": 4, "shard_size": 1, "hours": 8760.0, "quiet": True}
     with dask.config.set({"distributed.deploy.lost-worker-timeout": "1s"}):
-        manifest = run(faulty.describe(tank.parent, leak=80e6), tmp_path / "leaky", recycle=100e6, **size)
-    assert len(manifest.done()) == len(seen) == 3
+        manifest = run(faulty.describe(tank.parent, leak=60e6), tmp_path / "leaky", recycle=100e6, **size)
+    assert len(manifest.done()) == len(seen) == 4
     assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
     assert len({*seen}) >= 2
+    assert max(Counter(seen).values()) <= 3  # two or three make it grow by a hundred; the system may give some back
     assert len(opened) >= 3  # scheduler, worker, dashboard
     assert {ip for ip, _ in opened} <= {"127.0.0.1", "::1"}
 

@@ -6,12 +6,6 @@ from datagen import run
 from shared.ceiling import read_ceilings, write_ceilings
 
 
-@pytest.fixture
-def nothing_simulated(monkeypatch):
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-    monkeypatch.setattr("datagen.farming.farm.missing", lambda *_, **__: iter(()))
-
-
 @pytest.mark.usefixtures("nothing_simulated")
 def test_limits_that_were_computed_for_a_dataset_stay(default_system, tmp_path):
     settings = {"systems": 6, "preset": "many-rooms", "quiet": True}

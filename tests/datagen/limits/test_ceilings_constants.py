@@ -4,6 +4,7 @@ c T' = (To - T) / ro + a S + q N, and the meter shows T. With S and N held the a
 of a person q, which is not, do exactly the same.
 """
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -147,10 +148,12 @@ def test_the_command_keeps_both_limits(house, tmp_path, capsys, monkeypatch):
     for uncertain in ([], ["--uncertain"]):
         assert app([*words, *uncertain], result_action="return_value") == 0
         assert ("constants drawn (heat 0.3)" in capsys.readouterr().out) == bool(uncertain)
-    assert [one.constants for one in read_ceilings(folder / FILE_NAME).ceilings] == [
-        {},
-        unknown_constants(house(HEAT).uncertain),
-    ]
+    drawn = unknown_constants(house(HEAT).uncertain)
+    assert [one.constants for one in read_ceilings(folder / FILE_NAME).ceilings] == [{}, drawn]
+    assert app([*words, "--noise", "none", "sensor", "--json"], result_action="return_value") == 0
+    exact, noisy = json.loads(capsys.readouterr().out)
+    assert (exact["noise"], noisy["noise"], {*exact["r2"]}) == ("none", "sensor", {"a"})
+    assert exact["r2_mean"] > noisy["r2_mean"]
 
 
 @pytest.mark.parametrize(
