@@ -84,20 +84,6 @@ def test_a_worker_that_joins_later_checks_the_version_itself(tanks):
         simulate_shard(replace(job, version="9.9"), "shard-000000.nc", [0])
 
 
-@pytest.mark.parametrize(
-    ("address", "what"),
-    [
-        ("tcp://here:", "expected tcp://HOST:PORT"),
-        ("tls://127.0.0.1:1", "no certificates are set"),
-    ],
-)
-def test_what_is_no_address_is_refused_before_anything_is_written(tanks, tmp_path, address, what):
-    """Dask would refuse it, too, and 40 s later print a traceback of a client that it cannot close."""
-    with pytest.raises(ClusterError, match=what):
-        run(faulty.describe(tanks), tmp_path / "ds", scheduler=address, **SIZE)
-    assert not (tmp_path / "ds").exists()
-
-
 def test_no_scheduler_is_a_sentence(tanks, tmp_path, monkeypatch):
     monkeypatch.setattr("datagen.farming.cluster.ANSWER", 2.0)
     with pytest.raises(ClusterError, match="no Dask scheduler answers"):

@@ -36,15 +36,9 @@ def test_intervals_cover_rooms_of_another_seed_with_and_without_effects():
     assert np.median(width) < 0.55 * np.log(area.max / area.min)  # of 0.9 where nothing is learned
 
 
-@pytest.fixture(scope="module")
-def week(tmp_path_factory):
-    path = tmp_path_factory.mktemp("room") / "week.nc"
-    simulate("Room", hours=168, seed=13579, out=path)
-    return path
-
-
-def test_a_recording_brings_its_given_facts_and_a_user_adds_parameters(week):
-    system = load_system("Room")
+def test_a_recording_brings_its_given_facts_and_a_user_adds_parameters(tmp_path):
+    system, week = load_system("Room"), tmp_path / "week.nc"
+    simulate("Room", hours=168, seed=13579, out=week)
     with xr.open_dataset(week) as opened:
         facts = {one.name: float(opened[one.name]) for one in system.told}
         area = float(opened["roo.AFlo"])

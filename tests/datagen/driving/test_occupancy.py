@@ -13,17 +13,9 @@ from shared.signals import Occupancy
 
 HOUR, DAY = 3600.0, 86400.0
 SPEC = Occupancy(
-    headcount=(4, 16),
-    arrival=(7.0, 9.5),
-    duration=(7.0, 10.0),
-    jitter=0.5,
-    attendance=(0.4, 1.0),
-    gaps=(1, 3),
-    gap_duration=(0.4, 1.5),
-    gap_share=(0.3, 1.0),
-    absence=0.05,
-    weekend=0.15,
-)
+    headcount=(4, 16), arrival=(7.0, 9.5), duration=(7.0, 10.0), jitter=0.5, attendance=(0.4, 1.0), gaps=(1, 3),
+    gap_duration=(0.4, 1.5), gap_share=(0.3, 1.0), absence=0.05, weekend=0.15,
+)  # fmt: skip
 
 PLAIN = SPEC.model_copy(
     update={"jitter": 0.0, "gaps": (0, 0), "absence": 0.0, "weekend": 1.0, "attendance": (1.0, 1.0)}

@@ -84,26 +84,12 @@ def collected(tmp_path, monkeypatch):
         client = Client(monkeypatch, dies)
         job, system = SimpleNamespace(package="p"), SimpleNamespace(path=tmp_path / "mine" / "system.toml")
         made = Collection(tmp_path, manifest, Failures([]), job, system, budget=1.0)
-        monkeypatch.setattr("datagen.farming.collection.package_files", lambda _: {})
         monkeypatch.setattr(made, "_count", lambda: 0)
         monkeypatch.setattr(made, "take", lambda piece, _: client.tries.append(piece.file))
-        monkeypatch.setattr(made, "_check_budget", lambda _: None)
-        monkeypatch.setattr("datagen.farming.collection.progress_bar", quiet)
-        made.collect(client, iter([Piece(file, (k,), 1) for k, file in enumerate(files)]))
+        made.collect(client, iter([Piece(file, (k,), 1) for k, file in enumerate(files)]), quiet=True)
         return client
 
     return collect
-
-
-class quiet:
-    def __init__(self, *_, **__):
-        pass
-
-    def __enter__(self):
-        return SimpleNamespace(update=lambda *_, **__: None)
-
-    def __exit__(self, *_):
-        pass
 
 
 def test_a_shard_that_only_waited_beside_others_does_not_end_the_run(collected):

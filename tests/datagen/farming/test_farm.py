@@ -1,8 +1,5 @@
 """The farm: the same data whoever computes them, resumed where it stopped, and every fault named."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,12 +8,11 @@ from rich.console import Console
 from datagen import info, run, simulate, verify
 from datagen.datasets.mending import repair
 from datagen.driving.sampling import is_calm, sample_parameters
-from datagen.farming.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
+from shared.ceiling import read_ceilings, write_ceilings
 from shared.errors import DatasetError
 from shared.logs import Reporting, reported
 from shared.store import DatasetFolder
-from shared.system import parse_system
 from tests.datagen.cf_checks import cf_faults
 from tests.datagen.faults import hashes, run_here
 
@@ -84,14 +80,11 @@ def test_no_reader_takes_elapsed_time_for_dates(default_system, tmp_path, monkey
     assert one.zero == same.zero
 
 
-def test_a_single_simulation_is_the_farms(made, default_system):
+def test_a_single_simulation_is_the_farms_and_a_shorter_one_its_beginning(made, default_system):
     record = simulate(default_system, hours=96.0, seed=5, index=3)
     row = DatasetFolder(made).load().values[3]
     np.testing.assert_array_equal(record["TRoo"].values, row[0])
     np.testing.assert_array_equal(record["CO2"].values, row[1])
-
-
-def test_a_shorter_record_is_the_beginning_of_a_longer_one(default_system, made):
     short = simulate(default_system, hours=48.0, seed=5, index=1)["TRoo"].values
     np.testing.assert_allclose(short, DatasetFolder(made).load().values[1, 0, :48], atol=5e-3)
 
@@ -124,26 +117,6 @@ def test_a_log_in_the_folder_does_not_bar_it(tank, tmp_path):
     (tmp_path / "other" / "log.jsonl").write_text("of something else")
     with pytest.raises(DatasetError, match="not empty"), reported(Reporting(log=tmp_path / "log.jsonl"), Console()):
         run_here(tank, tmp_path / "other", systems=2)
-
-
-def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_path):
-    """Half of this range makes the window absorb and reflect more than all the sun: the FMU refuses those."""
-    text = default_system.path.read_text().replace("../MixedAirCO2.fmu", str(default_system.fmu_path))
-    text = text.replace("min = 0.3\nmax = 0.7", "min = 0.70\nmax = 0.99")
-    system = parse_system(text, Path("mine.toml")).with_experiment(hours=24.0)
-    job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, str(tmp_path))
-    (tmp_path / "shards").mkdir()
-    result = simulate_shard(job, "shard-000000.nc", list(range(8)))
-    absorptance = [sample_parameters(system, 1, i)[6] for i in range(8)]
-    refused = [i for i in range(8) if absorptance[i] > 0.85]
-    assert 0 < len(refused) < 8
-    assert [f["system"] for f in result.failures] == refused
-    assert result.entry is not None
-    assert result.entry.systems == [i for i in range(8) if i not in refused]
-    failure = result.failures[0]
-    assert "absSolFra" in failure["cause"]
-    assert failure["parameters"]["glaSys.absSolFra"] > 0.85
-    json.dumps(failure)
 
 
 def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path, in_this_process):
@@ -192,3 +165,29 @@ def test_ceilings_of_another_season_are_not_put_beside_data(default_system, tmp_
     run(default_system, tmp_path, systems=6, quiet=True, **size)
     assert (tmp_path / "identifiability.json").exists() == (season is None)
     assert (f"not copied: it is of the whole year; this dataset is of {season}" in caplog.text) == (season is not None)
+
+
+@pytest.mark.usefixtures("nothing_simulated")
+def test_limits_that_were_computed_for_a_dataset_stay(default_system, tmp_path):
+    settings = {"systems": 6, "preset": "many-rooms", "quiet": True}
+    run(default_system, tmp_path, **settings)
+    path = tmp_path / "identifiability.json"
+    beside = read_ceilings(default_system.path.parent / "identifiability.json")
+    assert read_ceilings(path) == beside
+    own = beside.model_copy(deep=True)
+    same = own.ceilings[0].model_copy(update={"r2_mean": 0.123, "systems": 30})
+    fewer = own.ceilings[1].model_copy(update={"r2_mean": 0.123, "systems": 3})  # older than those beside
+    other = own.ceilings[0].model_copy(update={"context_hours": 17.0})
+    own.ceilings = [same, fewer, other]
+    write_ceilings(path, own)
+    run(default_system, tmp_path, **settings)
+    found = read_ceilings(path).ceilings
+    assert same in found and other in found
+    assert [one for one in found if one not in (same, other)] == beside.ceilings[1:]
+    before = path.stat()
+    run(default_system, tmp_path, **settings)
+    assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    strange = own.model_copy(update={"system_hash": "0" * 64})
+    write_ceilings(path, strange)
+    run(default_system, tmp_path, **settings)
+    assert read_ceilings(path) == strange

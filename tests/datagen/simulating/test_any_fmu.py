@@ -16,10 +16,6 @@ INTERPOLATES = VARIABLE + ' canInterpolateInputs="true"'
 STEPWISE = {"attributes": VARIABLE}
 
 
-def no_inputs(stop):
-    return merge({}, 0.0, stop)
-
-
 def inputs(stop, **signals):
     return merge(signals, 0.0, stop)
 
@@ -40,7 +36,7 @@ def run_of(small_system):
         version, kind = flavour
         names = {"outputs": dict.fromkeys(outputs, "point")} if isinstance(outputs, tuple) else {"outputs": outputs}
         system = small_system(name, version, (kind,), **names, parameters=tuple(values), step=step, **words)
-        table = no_inputs(stop) if table is None else table
+        table = inputs(stop) if table is None else table
         return Simulator(system).run(values, table, start=0.0, stop=stop, tolerance=tolerance)
 
     return simulated

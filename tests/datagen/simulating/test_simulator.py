@@ -142,6 +142,12 @@ def test_recorded_inputs_are_instants_and_means(simulator):
     np.testing.assert_allclose(inputs[names.index("nPer")], [2.0, 4.0])
 
 
+def test_bad_values_stop_with_the_fmus_own_words(simulator):
+    table = constant_inputs(simulator, 3600.0)
+    with pytest.raises(SimulationError, match=r"MixedAirCO2\.fmu.*absSolFra"):
+        simulator.run({**middle(simulator.system), "glaSys.absSolFra": 0.99}, table, start=0.0, stop=3600.0)
+
+
 def test_a_bad_input_is_an_error_never_short_data(simulator):
     table = constant_inputs(simulator, 7200.0)
     table.left[0, simulator.system.input_names.index("TDryBul")] = np.nan
