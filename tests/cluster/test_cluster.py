@@ -1,10 +1,14 @@
-"""Workers that are not ours: of another version, behind no scheduler, as Slurm's jobs; more in docker/test_farm.py.
+"""Workers that are not ours: behind a scheduler, without our files, of another version, as Slurm's jobs.
 
 Slurm's test needs a Slurm: ``tests/cluster/slurm.sh start`` makes one of this machine (as root) and prints SLURM_CONF.
 """
 
 import os
 import shutil
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
@@ -15,7 +19,7 @@ from datagen.farming.cluster import ClusterError
 from datagen.farming.worker import Job, simulate_shard
 from shared.errors import DatasetError
 from shared.system import load_system
-from tests.datagen.faults import faulty, hashes, run_here
+from tests.datagen.faults import faulty, hashes, run_here, wait_for
 
 pytestmark = pytest.mark.slow
 SIZE = {"systems": 12, "seed": 3, "shard_size": 2}
@@ -32,6 +36,45 @@ def tanks(tmp_path_factory):
     folder = tmp_path_factory.mktemp("faulty")
     faulty.build(folder)
     return folder
+
+
+@contextmanager
+def scheduler_with(before):
+    """A scheduler, and a worker behind it; ``before`` is put in front of the worker's command."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        place = probe.getsockname()
+    address = f"tcp://127.0.0.1:{place[1]}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    start = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", address, "--no-dashboard"]
+    scheduler = subprocess.Popen(start, **quiet)
+    start = [*before, sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
+    worker = subprocess.Popen(start, **quiet)
+
+    def listens():
+        with socket.socket() as probe:
+            return probe.connect_ex(place) == 0
+
+    try:
+        wait_for(listens)  # a busy machine takes its time to start a process
+        yield address
+    finally:
+        for process in (worker, scheduler):
+            process.terminate()
+            process.wait(20)
+
+
+def test_workers_that_see_none_of_our_files_get_the_fmu_and_hand_the_shards_back(tanks, tmp_path):
+    toml = faulty.describe(tanks)
+    hide = ["unshare", "-m", "sh", "-c", 'mount -t tmpfs tmpfs "$0" && mount -t tmpfs tmpfs "$1" && shift && exec "$@"']
+    hide += [str(tanks), str(tmp_path)]
+    if subprocess.run([*hide, "true"], capture_output=True).returncode:
+        pytest.skip("only root can hide a folder from a process")
+    run_here(toml, tmp_path / "here", **SIZE)
+    with scheduler_with(hide) as address:
+        run(toml, tmp_path / "there", scheduler=address, quiet=True, **SIZE)
+    assert hashes(tmp_path / "there") == hashes(tmp_path / "here")
+    assert verify(tmp_path / "there") == []
 
 
 def test_a_worker_that_joins_later_checks_the_version_itself(tanks):
