@@ -182,8 +182,8 @@ CASES = {
 
 @pytest.fixture(scope="module")
 def saturating():
-    """Times, inputs and outputs of two days in which every limit is reached."""
-    t, inputs = scenario(2)
+    """Times, inputs and outputs of three days in which every limit is reached."""
+    t, inputs = scenario(3)
     return t, inputs, Room(CASES["saturating"]).simulate(t, inputs)
 
 
