@@ -1,4 +1,4 @@
-"""The small FMUs of ``tests/fmus/small``, and systems around them."""
+"""The small FMUs of ``tests/fmus/small`` and systems around them, and the tank of ``tests/fmus/faulty``."""
 
 import importlib.util
 from pathlib import Path
@@ -9,7 +9,8 @@ import pytest
 from datagen.driving.weather import weather_path
 from datagen.driving.weather_files import read_hourly
 from shared.system import parse_system
-from tests.datagen.places import GREENSBORO
+from tests.datagen.faults import faulty, stay_in_this_process
+from tests.datagen.places import GREENSBORO, sun_worked_out_once  # noqa: F401
 
 _BUILDER = Path(__file__).resolve().parents[1] / "fmus" / "small" / "builder.py"
 _BLANK = 'schema_version = 1\nname = "{name}"\nfmu = "{fmu}"\n[estimator]\nchannels = ["{channel}"]\n'
@@ -67,3 +68,29 @@ def file_rows():
     record = read_hourly(weather_path(GREENSBORO, Path()))
     place = {name: getattr(record, name) for name in ("latitude", "longitude", "altitude", "utc_offset")}
     return 3600.0 * np.arange(1, 8761), [record.columns[name] for name in ("dni", "dhi", "ghi")], place
+
+
+@pytest.fixture(scope="session")
+def tank(tmp_path_factory):
+    """Description of a tank that empties, beside its FMU, which :func:`faulty.describe` can let misbehave."""
+    folder = tmp_path_factory.mktemp("tank")
+    faulty.build(folder)
+    return faulty.describe(folder)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Runs and repairs simulate here, one system after another, and try no FMU beforehand."""
+    stay_in_this_process(monkeypatch)
+
+
+@pytest.fixture
+def taken_to_be_alive(monkeypatch):
+    """No FMU is tried in a process apart before a run."""
+    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+
+
+@pytest.fixture
+def nothing_simulated(monkeypatch, taken_to_be_alive):
+    """Runs find that no system is missing."""
+    monkeypatch.setattr("datagen.farming.farm.missing", lambda *_, **__: iter(()))

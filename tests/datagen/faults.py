@@ -8,11 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import psutil
+import pytest
 
+from datagen import run
 from datagen.farming import worker
 from shared.errors import SimulationError
 from shared.store import read_manifest
@@ -153,7 +155,29 @@ def stay_in_this_process(monkeypatch):
     monkeypatch.setattr("datagen.farming.collection.Dispatcher", InThisProcess)
 
 
-def faulty_system(folder):
-    """The faulty FMU, built into a folder, and its description there."""
-    faulty.build(folder)
-    return faulty.describe(folder)
+def run_here(*words, **settings):
+    """A run that simulates in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        stay_in_this_process(patch)
+        return run(*words, quiet=True, **settings)
+
+
+class Killed(BaseException):
+    """In place of ``kill -9``."""
+
+
+def killed_at_write(last, work, *words, **settings):
+    """Do some work, killed before the write after the ``last`` one; returns how many writes there were."""
+    real, count = os.replace, 0
+
+    def replace(*names):
+        nonlocal count
+        if count >= last:
+            raise Killed
+        count += 1
+        real(*names)
+
+    with pytest.MonkeyPatch.context() as patch, suppress(Killed):
+        patch.setattr(os, "replace", replace)
+        work(*words, **settings)
+    return count

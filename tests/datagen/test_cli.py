@@ -59,19 +59,6 @@ def test_a_dataset_without_some_systems_has_an_exit_code_of_its_own(default_syst
     assert "3 failed: see" in capsys.readouterr().out
 
 
-@pytest.mark.slow
-def test_identifiability_is_kept_and_copied(default_system, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("datagen.simulating.liveness.check_live_apart", lambda *_, **__: None)
-    out = tmp_path / "limit.json"
-    words = ["identifiability", default_system.path, "--context", 12, "--systems", 1, "--workers", 1]
-    assert run(*words, "--noise", "none", "sensor", "--out", out, "--json") == OK
-    found = json.loads(capsys.readouterr().out)
-    assert [one["noise"] for one in found] == ["none", "sensor"]
-    assert found[0]["r2_mean"] > found[1]["r2_mean"]
-    assert set(found[0]["r2"]) == set(default_system.parameter_names)
-    assert len(json.loads(out.read_text())["ceilings"]) == 2
-
-
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [

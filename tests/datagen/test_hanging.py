@@ -9,46 +9,21 @@ import time
 
 import pytest
 
-from tests.datagen.faults import alive, family_of, finish, wait_for
+from tests.datagen.faults import alive, family_of, faulty, finish, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name == "nt", reason="signals are sent as POSIX has them")]
-HANGS = 3
 MOST = 60.0
 """Seconds from a signal to the end, which would never come: one and a little on a machine that is free."""
-SYSTEM = """schema_version = 1
-name = "hanging"
-fmu = "{fmu}"
-[experiment]
-step = 3600.0
-hours = 24.0
-[estimator]
-channels = ["x"]
-context_hours = 24.0
-[fixed]
-fault = {fault}.0
-when = {when}
-[[parameters]]
-name = "k"
-unit = "1"
-min = 1e-5
-max = 1e-4
-[[outputs]]
-name = "x"
-unit = "1"
-accuracy = 1e-6
-"""
 
 
-def described(small_fmu, folder, kind, *, when=10.0, fault=HANGS, **options):
-    fmu = small_fmu("faulty", 2, (kind,), **options)
-    path = folder / "system.toml"
-    path.write_text(SYSTEM.format(fmu=fmu.as_posix(), fault=fault, when=when))
-    return path
+@pytest.fixture(scope="module")
+def system(tank):
+    return faulty.describe(tank.parent, fault=2, above=0)
 
 
-def started(program, *words):
+def started(*words):
     return subprocess.Popen(
-        [sys.executable, "-m", f"{program}.cli", *map(str, words)],
+        [sys.executable, "-m", "datagen.cli", *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -68,9 +43,8 @@ def is_unpacked(process):
     return False
 
 
-def test_a_signal_ends_a_simulation_that_never_returns(small_fmu, tmp_path):
-    system = described(small_fmu, tmp_path, "me")
-    process = started("datagen", "simulate", system, "--out", tmp_path / "one.nc")
+def test_a_signal_ends_a_simulation_that_never_returns(system, tmp_path):
+    process = started("simulate", system, "--out", tmp_path / "one.nc")
     wait_for(lambda: is_unpacked(process))
     time.sleep(1.0)
     os.killpg(process.pid, signal.SIGTERM)
@@ -80,8 +54,7 @@ def test_a_signal_ends_a_simulation_that_never_returns(small_fmu, tmp_path):
     assert not (tmp_path / "one.nc").exists()
 
 
-def test_the_limit_ends_one_that_never_returns_and_leaves_no_folder(small_fmu, tmp_path):
-    system = described(small_fmu, tmp_path, "cs")
+def test_the_limit_ends_one_that_never_returns_and_leaves_no_folder(system, tmp_path):
     (tmp_path / "tmp").mkdir()
     words = [sys.executable, "-m", "datagen.cli", "simulate", system, "--out", tmp_path / "one.nc", "--timeout", "1"]
     done = subprocess.run(
@@ -89,12 +62,11 @@ def test_the_limit_ends_one_that_never_returns_and_leaves_no_folder(small_fmu, t
     )
     assert done.returncode == 1
     assert re.fullmatch(r"error: .*\.fmu: one of its functions had not returned after 1 s, .*\n", done.stderr)
-    assert list((tmp_path / "tmp").iterdir()) == []
+    assert list((tmp_path / "tmp").glob("zeroshot-*")) == []
 
 
-def test_ctrl_c_ends_workers_that_never_return(small_fmu, tmp_path):
-    system = described(small_fmu, tmp_path, "me")
-    process = started("datagen", "identifiability", system, "--systems", "2", "--timeout", "60", "--quiet")
+def test_ctrl_c_ends_workers_that_never_return(system):
+    process = started("identifiability", system, "--systems", "2", "--timeout", "60", "--quiet")
     wait_for(lambda: is_unpacked(process))
     time.sleep(1.0)
     family = family_of(process.pid)

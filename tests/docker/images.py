@@ -13,7 +13,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -111,7 +110,6 @@ class Built:
 
     root: Path
     final: Stage
-    seconds: float = 0.0
     accounts: str = ""
 
     def inside(self, path: str) -> Path:
@@ -173,7 +171,6 @@ def build(described: Dockerfile, root: Path, python: str) -> Built:
             elif command.cmd == "COPY":
                 _copy(command, sent, here)
             elif command.cmd == "RUN":
-                before = time.perf_counter()
                 done = subprocess.run(
                     ["sh", "-c", _moved(command.value[0], root)],
                     cwd=here,
@@ -184,7 +181,6 @@ def build(described: Dockerfile, root: Path, python: str) -> Built:
                 )
                 if done.returncode:
                     raise RuntimeError(f"{command.original}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}")
-                built.seconds += time.perf_counter() - before
     built.accounts = (root / "accounts").read_text()
     return built
 

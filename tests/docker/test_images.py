@@ -85,11 +85,9 @@ def has_room(folder):
 
 
 @pytest.mark.slow
-def test_the_steps_install_what_the_image_is_for(built, tmp_path, record_property):
+def test_the_steps_install_what_the_image_is_for(built, tmp_path):
     name = built.final.last("ENTRYPOINT").value[0]
-    record_property("seconds", built.seconds)
     megabytes = built.megabytes()  # before programs have run: what they compile is not the image's
-    record_property("megabytes", megabytes)
     promise = PROMISES[name]
     done = built.run("python", "-c", HOLDS, *(promise.imports if ALL else ()), cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -25,28 +25,28 @@ def room(tmp_path_factory):
     return path
 
 
-def test_it_belongs_to_the_system_and_its_fmu():
-    card, system = load_run(NAME).card, load_system(NAME)
-    assert card.system_hash == system.hash()
-    assert card.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
+@pytest.mark.parametrize("name", [NAME, "Room"])
+def test_estimators_and_ceilings_belong_to_their_system_and_its_fmu(name):
+    card, system = load_run(name).card, load_system(name)
     assert card.encoding.parameters == system.parameter_names
+    assert card.encoding.facts == ([*system.parameter_names, *(one.name for one in system.told)] if system.told else [])
+    for one in (card, read_ceilings(HOME / "identifiability.json")) if name == NAME else (card,):
+        assert one.system_hash == system.hash()
+        assert one.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
 
 
-def test_the_ceilings_beside_it_are_of_the_same_system():
-    ceilings, system = read_ceilings(HOME / "identifiability.json"), load_system(NAME)
-    assert ceilings.system_hash == system.hash()
-    assert ceilings.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
+def errors_of(found, path):
+    """Of the parameters, in units of the usual error."""
+    truth, usual = xr.load_dataset(path), load_run(NAME).card.validation_rmse
+    told = found.predictions[0].parameters
+    return np.array([(one.value - float(truth[name])) / usual[name] for name, one in told.items()])
 
 
 def test_it_estimates_an_unseen_room(room):
     found = predict(NAME, room)
     assert found.context_hours == 168.0  # the longest of its contexts that two weeks have
-    truth, usual = xr.load_dataset(room), load_run(NAME).card.validation_rmse
-    errors = {
-        name: (one.value - float(truth[name])) / usual[name] for name, one in found.predictions[0].parameters.items()
-    }
     # rmse is over noisy and incomplete recordings too, so a clean and complete one does better
-    assert np.sqrt(np.mean(np.square(list(errors.values())))) < 1.5, errors
+    assert np.sqrt(np.mean(errors_of(found, room) ** 2)) < 1.5
 
 
 def test_it_does_without_the_optional_sensors(room, tmp_path):
@@ -60,21 +60,18 @@ def test_it_does_without_the_optional_sensors(room, tmp_path):
 
 def test_it_has_seen_rooms_without_excitation(room, tmp_path):
     simulate(NAME, seed=4711, hours=168, excitation=False, out=tmp_path / "calm.nc")
-    found = predict(NAME, tmp_path / "calm.nc").predictions[0]
-    assert found.unlike == []
-    truth, usual = xr.load_dataset(tmp_path / "calm.nc"), load_run(NAME).card.validation_rmse
-    errors = [(one.value - float(truth[name])) / usual[name] for name, one in found.parameters.items()]
-    assert np.sqrt(np.mean(np.square(errors))) < 1.5, errors
+    found = predict(NAME, tmp_path / "calm.nc")
+    assert found.predictions[0].unlike == []
+    assert np.sqrt(np.mean(errors_of(found, tmp_path / "calm.nc") ** 2)) < 1.5
 
 
 def test_it_has_seen_rooms_whose_walls_are_not_as_declared(tmp_path):
-    """In units of the usual error; the estimator before it, which knew declared constants alone, had 1.05 here."""
-    usual, errors = load_run(NAME).card.validation_rmse, []
+    """The estimator before it, which knew declared constants alone, had 1.05 here."""
+    errors = []
     for index in range(6):
         simulate(NAME, seed=4712, index=index, hours=168, uncertain=True, out=tmp_path / "other.nc")
-        found, truth = predict(NAME, tmp_path / "other.nc"), xr.load_dataset(tmp_path / "other.nc")
+        found = predict(NAME, tmp_path / "other.nc")
         assert found.held == found.rmse_held == found.interval_held == []
         assert found.interval_note is None
-        told = found.predictions[0].parameters
-        errors += [(one.value - float(truth[name])) / usual[name] for name, one in told.items()]
+        errors.append(errors_of(found, tmp_path / "other.nc"))
     assert np.sqrt(np.mean(np.square(errors))) < 0.95

@@ -27,28 +27,15 @@ DAY = 86400.0
 
 # the twin's names of what the Modelica room has under its own
 CHANGES = {
-    "gaiCO2.k": 1.1e-5,
-    "roo.AFlo": 90.0,
-    "roo.hRoo": 3.7,
-    "roo.V": 80.0,
-    "matExtWal.R": 0.8,
-    "glaSys.UFra": 2.8,
-    "glaSys.absSolFra": 0.35,
-    "mOut_flow": 0.08,
-}
+    "gaiCO2.k": 1.1e-5, "roo.AFlo": 90.0, "roo.hRoo": 3.7, "roo.V": 80.0, "matExtWal.R": 0.8,
+    "glaSys.UFra": 2.8, "glaSys.absSolFra": 0.35, "mOut_flow": 0.08,
+}  # fmt: skip
 EFFECTS = {
-    "effect.infiltration.m0": 0.01,
-    "effect.infiltration.cWind": 0.002,
-    "effect.infiltration.cStack": 0.001,
-    "effect.bridge.UA": 20.0,
-    "effect.adjacent.UA": 30.0,
-    "effect.adjacent.T": 297.0,
-    "effect.plug.Q": 200.0,
-    "effect.shading.fra": 0.2,
-    "effect.heater.derate": 0.3,
-    "effect.mixing.bypass": 0.15,
+    "effect.infiltration.m0": 0.01, "effect.infiltration.cWind": 0.002, "effect.infiltration.cStack": 0.001,
+    "effect.bridge.UA": 20.0, "effect.adjacent.UA": 30.0, "effect.adjacent.T": 297.0,
+    "effect.plug.Q": 200.0, "effect.shading.fra": 0.2, "effect.heater.derate": 0.3, "effect.mixing.bypass": 0.15,
     "effect.valve.Q": 100.0,
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

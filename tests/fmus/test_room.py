@@ -1,7 +1,5 @@
 """Room, which describes any single room, and its estimator: intervals that cover rooms nobody has seen."""
 
-import hashlib
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,17 +9,11 @@ from datagen.driving.sampling import sample_parameters
 from datagen.simulating.drawn import simulate_system
 from datagen.simulating.simulator import Simulator
 from shared.system import load_system
+from tests.datagen.places import sun_worked_out_once  # noqa: F401
 from trainer.posterior.checkpoint import load_posterior
 from trainer.posterior.inference import summarise
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
-
-
-def test_its_estimator_belongs_to_it():
-    card, system = load_run("Room").card, load_system("Room")
-    assert card.system_hash == system.hash()
-    assert card.fmu_sha256 == hashlib.sha256(system.fmu_path.read_bytes()).hexdigest()
-    assert card.encoding.facts == [*system.parameter_names, *(one.name for one in system.told)]
 
 
 def test_intervals_cover_rooms_of_another_seed_with_and_without_effects():
@@ -44,15 +36,9 @@ def test_intervals_cover_rooms_of_another_seed_with_and_without_effects():
     assert np.median(width) < 0.55 * np.log(area.max / area.min)  # of 0.9 where nothing is learned
 
 
-@pytest.fixture(scope="module")
-def week(tmp_path_factory):
-    path = tmp_path_factory.mktemp("room") / "week.nc"
-    simulate("Room", hours=168, seed=13579, out=path)
-    return path
-
-
-def test_a_recording_brings_its_given_facts_and_a_user_adds_parameters(week):
-    system = load_system("Room")
+def test_a_recording_brings_its_given_facts_and_a_user_adds_parameters(tmp_path):
+    system, week = load_system("Room"), tmp_path / "week.nc"
+    simulate("Room", hours=168, seed=13579, out=week)
     with xr.open_dataset(week) as opened:
         facts = {one.name: float(opened[one.name]) for one in system.told}
         area = float(opened["roo.AFlo"])

@@ -112,11 +112,11 @@ def readers(folder: Path) -> list[Reader]:
         read = lambda at: read_recording(at / "r.nc", system)  # noqa: E731
         found.append(Reader(f"recording, {form}", at, "r.nc", read, damage_bytes, examples=3))
     frame, _ = measured(days=2, minutes=30)
-    for name, file, damage in (
-        ("mapping", "mapping.toml", damage_text),
-        ("a mapping's settings", "mapping.toml", damage_settings),
-        ("data", "data.csv", damage_text),
-        ("columns of the data", "data.csv", damage_columns),
+    for name, file, damage, examples in (
+        ("mapping", "mapping.toml", damage_text, 1),
+        ("a mapping's settings", "mapping.toml", damage_settings, 2),
+        ("data", "data.csv", damage_text, 1),
+        ("columns of the data", "data.csv", damage_columns, 2),
     ):
         at = folder / f"import-{name}".replace(" ", "-")
         at.mkdir()
@@ -124,7 +124,7 @@ def readers(folder: Path) -> list[Reader]:
         (at / "house.toml").write_text(HOUSE)
         frame.to_csv(at / "data.csv", index=False)
         # a damaged mapping asks for what the measurements do not have
-        found.append(Reader(f"import, {name}", at, file, imported, damage, examples=2, named=False))
+        found.append(Reader(f"import, {name}", at, file, imported, damage, examples=examples, named=False))
     cases = [Case("library", ("a",), sizes=(1.0,), room=2.0), Case("none", truth="no_gap", room=0.1)]
     for file, seal in (("set/manifest.json", None), ("set.answers.json", _reseal)):
         at = folder / f"blind-{Path(file).name}"

@@ -16,8 +16,12 @@ def property_of(cases: ModuleType) -> Callable[..., None]:
 
     @pytest.mark.skipif("sys.platform == 'win32'", reason="limits of time and memory are those of POSIX")
     def test_damaged(tmp_path_factory):
+        seen = set()
         for reader in cases.readers(tmp_path_factory.mktemp("hostile") / "files"):
-            read_whole(reader)
+            same = (reader.read, *sorted((path.name, data) for path, data in reader.others.items()))
+            if same not in seen:
+                read_whole(reader)
+            seen.add(same)
             _holds(reader)
 
     return test_damaged

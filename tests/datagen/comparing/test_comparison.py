@@ -32,13 +32,6 @@ def finer(tmp_path_factory):
     return parse_system(TOML.read_text(encoding="utf-8").replace("../MixedAirCO2.fmu", fmu.name), folder / "fine.toml")
 
 
-def test_a_system_is_like_itself(default):
-    found = compare(default, default, systems=2, hours=48)
-    assert found.first.shape == (2, 4, 48)
-    assert np.array_equal(found.first, found.second)
-    assert all((row.rms == 0).all() and (row.largest == 0).all() for row in found.rows())
-
-
 @pytest.mark.slow
 def test_finer_walls_move_the_temperature_but_not_the_air(default, finer):
     found = compare(default, finer, systems=2, hours=336, seed=3)

@@ -6,23 +6,12 @@ from datagen.comparing.regimes import regimes
 from datagen.driving.tables import InputTable
 
 
-def steps_of(system, *columns):
-    """An input table of five one-hour steps in which the named inputs have these means."""
-    names = tuple(system.input_names)
-    values = np.zeros((5, len(names)))
-    for name, column in columns:
-        values[:, names.index(name)] = column
-    time = 3600.0 * np.arange(6)
-    return InputTable(names, time, values, values.copy(), np.zeros(6, dtype=bool)), time
-
-
 def test_regimes_follow_from_the_description(default_system):
-    table, edges = steps_of(
-        default_system,
-        ("nPer", [0, 2, 2, 0, 0]),
-        ("HFac", [0, 0, 400, 60, 40]),
-        ("excHea", [100, -100, 0, 100, 0]),
-    )
+    """Of five one-hour steps in which some inputs have these means."""
+    columns = {"nPer": [0, 2, 2, 0, 0], "HFac": [0, 0, 400, 60, 40], "excHea": [100, -100, 0, 100, 0]}
+    names, edges = tuple(default_system.input_names), 3600.0 * np.arange(6)
+    values = np.stack([columns.get(name, [0] * 5) for name in names], axis=1).astype(float)
+    table = InputTable(names, edges, values, values.copy(), np.zeros(6, dtype=bool))
     outputs = np.zeros((4, 5))
     # at rest, at 5 kW, saturated, saturated, at rest: with the excitation on top
     outputs[default_system.output_names.index("QHea")] = [100, 4900, 10000, 10100, 0]

@@ -1,8 +1,6 @@
 """A repair has the whole dataset in view: what had failed before, what fails now, and what others did meanwhile."""
 
-import os
 import shutil
-from contextlib import suppress
 
 import pytest
 
@@ -10,27 +8,17 @@ from datagen import merge, run, verify
 from datagen.datasets import mending
 from shared.errors import SimulationError
 from shared.store import read_manifest
-from tests.datagen.faults import failing, faulty_system, shards_in, stay_in_this_process
+from tests.datagen.faults import failing, killed_at_write, shards_in
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("in_this_process")]
 SIZE = {"systems": 10, "seed": 3, "shard_size": 3, "hours": 1.0, "failure_budget": 1.0, "quiet": True}
 
 
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
-    stay_in_this_process(monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def system(tmp_path_factory):
-    return faulty_system(tmp_path_factory.mktemp("faulty"))
-
-
 @pytest.fixture
-def damaged(system, tmp_path, monkeypatch):
+def damaged(tank, tmp_path, monkeypatch):
     """A dataset of which two systems in ten have failed, and two shards are gone; the shards' bytes before that."""
     failing(monkeypatch, 4, 8)
-    run(system, tmp_path / "ds", **SIZE)
+    run(tank, tmp_path / "ds", **SIZE)
     failing(monkeypatch)
     before = {path.name: path.read_bytes() for path in shards_in(tmp_path / "ds")}
     for path in shards_in(tmp_path / "ds")[1:3]:
@@ -53,14 +41,12 @@ def test_a_system_that_fails_now_is_told_with_its_cause(damaged, monkeypatch):
     assert len(read_manifest(folder).shards) == 4
 
 
-class Killed(BaseException):
-    """In place of ``kill -9``."""
-
-
-def of_two_seeds(system, folder):
+@pytest.fixture
+def merged(tank, tmp_path):
     """A merged dataset, whose order is not that of its file names, of which two shards are damaged; and what it was."""
+    folder = tmp_path / "parts"
     for seed in (9, 10):
-        run(system, folder / f"{seed}", **{**SIZE, "systems": 5, "seed": seed})
+        run(tank, folder / f"{seed}", **{**SIZE, "systems": 5, "seed": seed})
     merge([folder / "9", folder / "10"], folder / "ds")
     before = read_manifest(folder / "ds")
     for entry in before.shards[:3:2]:
@@ -69,36 +55,19 @@ def of_two_seeds(system, folder):
     return folder / "ds", before
 
 
-def test_the_shards_of_a_merged_dataset_keep_their_order(system, tmp_path):
-    """Systems of equal index follow it, and with them what a training takes for the same dataset."""
-    folder, before = of_two_seeds(system, tmp_path)
-    assert [entry.file for entry in before.shards] != sorted(entry.file for entry in before.shards)
-    mending.repair(folder, system)
-    assert read_manifest(folder) == before
-    assert verify(folder) == []
-
-
-def test_a_repair_of_a_merged_dataset_that_is_killed_loses_no_shard(system, tmp_path, monkeypatch):
-    folder, before = of_two_seeds(system, tmp_path)
-    real, writes = os.replace, 1000
-    for last in range(1000):
-        copy, count = shutil.copytree(folder, tmp_path / f"killed-{last}"), 0
-
-        def replace(*names, last=last):
-            nonlocal count
-            if count >= last:
-                raise Killed
-            count += 1
-            real(*names)
-
-        with monkeypatch.context() as patch, suppress(Killed):
-            patch.setattr(os, "replace", replace)
-            mending.repair(copy, system)
-            writes = last
-        assert [entry.file for entry in read_manifest(copy).shards] == [entry.file for entry in before.shards]
-        if writes == last:
-            break
-        mending.repair(copy, system)
-        assert read_manifest(copy) == before
-        assert verify(copy) == []
+def test_the_shards_of_a_merged_dataset_keep_their_order_and_none_is_lost_by_a_killed_repair(merged, tank, tmp_path):
+    """Systems of equal index follow that order, and with them what a training takes for the same dataset."""
+    folder, before = merged
+    order = [entry.file for entry in before.shards]
+    assert order != sorted(order)
+    calm = shutil.copytree(folder, tmp_path / "calm")
+    writes = killed_at_write(1000, mending.repair, calm, tank)
+    assert read_manifest(calm) == before
+    assert verify(calm) == []
     assert writes >= 4
+    for last in range(writes):
+        copy = shutil.copytree(folder, tmp_path / f"killed-{last}")
+        assert killed_at_write(last, mending.repair, copy, tank) == last
+        assert [entry.file for entry in read_manifest(copy).shards] == order
+        mending.repair(copy, tank)
+        assert read_manifest(copy) == before

@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,34 +14,26 @@ from shared.errors import DatasetError, SystemDescriptionError
 from shared.store import DatasetFolder, read_manifest, write_manifest
 from shared.system import load_system
 from tests.datagen.cf_checks import cf_faults
-from tests.datagen.faults import faulty, stay_in_this_process
+from tests.datagen.faults import run_here
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
 STORED = Path(__file__).resolve().parents[2] / "data" / "schema-1.0"
 RECORDED = [0.286494, 0.274189]
-SIZE = {"systems": 4, "shard_size": 2, "workers": 1, "quiet": True}
-
-
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
-    stay_in_this_process(monkeypatch)
+SIZE = {"systems": 4, "shard_size": 2}
 
 
 @pytest.fixture(scope="module")
-def teams(tmp_path_factory):
+def teams(tank, tmp_path_factory):
     """The same system simulated by two teams with different seeds, and by one with other settings."""
     folder = tmp_path_factory.mktemp("teams")
-    faulty.build(folder)
-    toml = faulty.describe(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        run(toml, folder / "a", seed=1, **SIZE)
-        run(toml, folder / "b", seed=2, **SIZE)
-        run(toml, folder / "short", seed=4, hours=12.0, **SIZE)
+    run_here(tank, folder / "a", seed=1, **SIZE)
+    run_here(tank, folder / "b", seed=2, **SIZE)
+    run_here(tank, folder / "short", seed=4, hours=12.0, **SIZE)
     return folder
 
 
 @pytest.mark.slow
-def test_merged_systems_keep_seed_split_and_data(teams, tmp_path):
+def test_merged_systems_keep_seed_split_and_data(teams, tank, tmp_path, monkeypatch):
     merge([teams / "a", teams / "b"], tmp_path / "c")
     a, b, c = (DatasetFolder(folder).load() for folder in (teams / "a", teams / "b", tmp_path / "c"))
     assert len(c.systems) == 8
@@ -56,13 +46,18 @@ def test_merged_systems_keep_seed_split_and_data(teams, tmp_path):
     assert (found.root_seeds, found.systems_done, found.complete) == ([1, 2], 8, True)
     assert "root seed\n1, 2" in (tmp_path / "c" / "README.md").read_text()
     json.dumps(vars(found))
+    lines, scope = (tmp_path / "c" / "README.md").read_text().split("```python\n")[1].split("```")[0], {}
+    monkeypatch.chdir(tmp_path / "c")
+    exec(lines, scope)  # the card's lines tell all systems apart
+    data = scope["data"]
+    assert len({*zip(data.root_seed.values, data.system.values, strict=True)}) == data.sizes["system"] == 8
     # and it can be mended, each shard from its own seed
     victim = tmp_path / "c" / "shards" / "seed-2-shard-000001.nc"
     victim.unlink()
-    assert mending.repair(tmp_path / "c", teams / "system.toml") == [victim.name]
+    assert mending.repair(tmp_path / "c", tank) == [victim.name]
     assert verify(tmp_path / "c") == []
     with pytest.raises(DatasetError, match="merged from other datasets"):
-        run(teams / "system.toml", tmp_path / "c", seed=1, **SIZE)
+        run(tank, tmp_path / "c", seed=1, **SIZE)
 
 
 @pytest.mark.slow
@@ -110,15 +105,6 @@ def test_limits_of_all_parts_are_kept_and_the_first_ones_count(two, tmp_path):
     assert {one.context_hours: one.r2_mean for one in found} == {24.0: 0.6, 48.0: 0.7, 12.0: 0.3}
 
 
-@pytest.mark.slow
-def test_the_card_s_lines_tell_all_systems_of_a_merged_dataset_apart(teams, tmp_path):
-    merge([teams / "a", teams / "b"], tmp_path / "c")
-    lines = (tmp_path / "c" / "README.md").read_text().split("```python\n")[1].split("```")[0]
-    code = lines + "print(len({*zip(data.root_seed.values, data.system.values)}), data.sizes['system'])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path / "c", capture_output=True, text=True, check=True)
-    assert done.stdout == "8 8\n"
-
-
 def changed(folder, **values):
     """A dataset whose manifest says other things than its shards."""
     write_manifest(folder, read_manifest(folder).model_copy(update=values))
@@ -156,11 +142,11 @@ def test_a_shard_that_its_manifest_does_not_list_bars_a_merge(two, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_preset_gives_what_is_not_given(teams, tmp_path):
-    manifest = run(teams / "system.toml", tmp_path / "ds", preset="short", systems=2, workers=1, quiet=True)
+def test_a_preset_gives_what_is_not_given(tank, tmp_path):
+    manifest = run_here(tank, tmp_path / "ds", preset="short", systems=2)
     assert (manifest.systems, manifest.settings["hours"], manifest.settings["step"]) == (2, 6.0, 1800.0)
     with pytest.raises(SystemDescriptionError, match="no preset 'long'; found short"):
-        run(teams / "system.toml", tmp_path / "other", preset="long")
+        run(tank, tmp_path / "other", preset="long")
 
 
 def test_a_dataset_of_the_first_schema_stays_readable():

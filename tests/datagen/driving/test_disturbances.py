@@ -40,17 +40,8 @@ def test_what_acts_is_of_the_description_and_within_its_bounds(system):
 
 
 def read(system, operation, amplitude, values, **more):
-    effect = SensorEffect(
-        name="s",
-        unit="1",
-        kind="sensor",
-        scale=1.0,
-        lower=0.0,
-        upper=9e9,
-        outputs=["TRoo"],
-        operation=operation,
-        **more,
-    )
+    common = {"name": "s", "unit": "1", "kind": "sensor", "scale": 1.0, "lower": 0.0, "upper": 9e9}
+    effect = SensorEffect(**common, outputs=["TRoo"], operation=operation, **more)
     outputs = np.zeros((len(system.output_names), len(values)))
     outputs[0] = values
     time = 600.0 * np.arange(1, len(values) + 1)

@@ -46,15 +46,17 @@ def test_what_is_drawn_goes_together(room):
 
 
 def test_occupancy_follows_the_floor_area(room):
+    persons_alone = room.model_copy(update={"inputs": [one for one in room.inputs if one.name == "nPer"]})
     for index in range(12):
-        table = build_inputs(room, root_seed=3, index=index, start=0.0, stop=14 * 24 * HOUR)
-        persons = table.at(np.arange(0, 14 * 24) * HOUR)[:, room.input_names.index("nPer")]
+        table = build_inputs(persons_alone, root_seed=3, index=index, start=0.0, stop=14 * 24 * HOUR)
+        persons = table.at(np.arange(0, 14 * 24) * HOUR)[:, 0]
+        assert persons.max() > 0
         area = sample_parameters(room, 3, index)[room.parameter_names.index("roo.AFlo")]
         assert persons.max() <= max(round(0.3 * area), 1)
 
 
 def test_the_weather_of_a_system_is_turned_and_warmed(room):
-    for index in range(6):
+    for index in range(3):
         given, table = sample_given(room, 11, index), system_weather(room, 11, index)
         plain = room.model_copy(update={"given": []})
         before = system_weather(plain, 11, index)

@@ -117,13 +117,6 @@ def test_every_source():
     assert (got["heater"] == 12.5).all()
 
 
-def test_held_inputs_jump_and_lines_do_not():
-    table = build()
-    lines = [table.names.index(name) for name in ("out", "sun", "wobble")]
-    np.testing.assert_array_equal(table.right[:-1, lines], table.left[1:, lines])
-    assert 60 + 4 * 15 < table.jump.sum() < 60 + 8 * 30
-
-
 @given(st.integers(0, 10**5), st.floats(-20 * DAY, 50 * DAY), st.floats(HOUR, 20 * DAY))
 @settings(max_examples=20)
 def test_an_input_at_a_time_does_not_depend_on_the_span(index, start, length):

@@ -13,16 +13,12 @@ from shared.signals import Occupancy
 
 HOUR, DAY = 3600.0, 86400.0
 SPEC = Occupancy(
-    headcount=(4, 16),
-    arrival=(7.0, 9.5),
-    duration=(7.0, 10.0),
-    jitter=0.5,
-    attendance=(0.4, 1.0),
-    gaps=(1, 3),
-    gap_duration=(0.4, 1.5),
-    gap_share=(0.3, 1.0),
-    absence=0.05,
-    weekend=0.15,
+    headcount=(4, 16), arrival=(7.0, 9.5), duration=(7.0, 10.0), jitter=0.5, attendance=(0.4, 1.0), gaps=(1, 3),
+    gap_duration=(0.4, 1.5), gap_share=(0.3, 1.0), absence=0.05, weekend=0.15,
+)  # fmt: skip
+
+PLAIN = SPEC.model_copy(
+    update={"jitter": 0.0, "gaps": (0, 0), "absence": 0.0, "weekend": 1.0, "attendance": (1.0, 1.0)}
 )
 
 
@@ -84,8 +80,7 @@ def test_the_weekend_is_that_of_the_dates():
 
 
 def test_work_past_midnight_reaches_into_the_next_day():
-    spec = SPEC.model_copy(update={"arrival": (20.0, 20.0), "duration": (8.0, 8.0), "jitter": 0.0, "gaps": (0, 0)})
-    spec = spec.model_copy(update={"absence": 0.0, "weekend": 1.0})
+    spec = PLAIN.model_copy(update={"arrival": (20.0, 20.0), "duration": (8.0, 8.0)})
     signal = year(0, 5 * DAY, 7 * DAY, spec)
     assert signal.at(5 * DAY) > 0  # from the evening before
     assert signal.at(5 * DAY + 5 * HOUR) == 0
@@ -107,29 +102,13 @@ def test_prior_has_the_distribution_of_the_samples():
 
 
 def test_prior_means_are_exact_for_a_certain_schedule():
-    sure = Occupancy(
-        headcount=(8, 8),
-        arrival=(8.25, 8.25),
-        duration=(9.0, 9.0),
-        jitter=0.0,
-        attendance=(1.0, 1.0),
-        gaps=(0, 0),
-        gap_duration=(0.0, 0.0),
-        gap_share=(0.0, 0.0),
-        absence=0.0,
-        weekend=0.0,
-    )
+    sure = PLAIN.model_copy(update={"headcount": (8, 8), "arrival": (8.25, 8.25), "duration": (9.0, 9.0)})
     prior = occupancy_prior(sure, np.arange(-1, 25) * HOUR, 3, seed=0)
     expected = np.zeros(25)
     expected[9], expected[10:18], expected[18] = 0.75 * 8, 8, 0.25 * 8  # interval j is the hour from j - 1
     np.testing.assert_allclose(prior, np.tile(expected, (3, 1)), atol=1e-12)
     # the window may begin in the middle of the day
     np.testing.assert_allclose(occupancy_prior(sure, [12 * HOUR, 13 * HOUR], 1, seed=0), [[8.0]], atol=1e-12)
-
-
-PLAIN = SPEC.model_copy(
-    update={"jitter": 0.0, "gaps": (0, 0), "absence": 0.0, "weekend": 1.0, "attendance": (1.0, 1.0)}
-)
 
 
 def test_what_a_system_draws_once_is_uniform_and_independent():

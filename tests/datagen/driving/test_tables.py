@@ -62,20 +62,6 @@ def test_restricted_and_refined_keep_the_signal(made, first, length):
     np.testing.assert_array_equal(finer.time[finer.jump], part.time[part.jump])
 
 
-def test_values_by_hand():
-    ramp = Piecewise([0, 10], [1, 2])
-    step = Piecewise([0, 4, 8], [5, 7, 7], "previous")
-    table = merge({"ramp": ramp, "step": step}, 0, 10)
-    assert table.names == ("ramp", "step")
-    # at 8 the step keeps its value: no knot
-    np.testing.assert_array_equal(table.time, [0, 4, 10])
-    np.testing.assert_allclose(table.left, [[1, 5], [1.4, 7]])
-    np.testing.assert_allclose(table.right, [[1.4, 5], [2, 7]])
-    np.testing.assert_array_equal(table.jump, [False, True, False])
-    np.testing.assert_allclose(table.at([-1, 4, 5, 99]), [[1, 5], [1.4, 7], [1.5, 7], [2, 7]])
-    np.testing.assert_allclose(table.means([2, 6]), [[1.4, 6]])
-
-
 @pytest.mark.parametrize(
     ("make", "text"),
     [

@@ -53,18 +53,13 @@ def where_it_was(seconds):
     return address()
 
 
-def dispatched(client, source, bad):
-    """What tasks, each a number of seconds, return from workers other than ``bad``."""
-    return Dispatcher(client, where_it_was, lambda task: (task,), iter(source), avoided=lambda _: {bad})
-
-
 def test_a_task_whose_other_workers_are_gone_goes_to_the_one_that_it_avoided():
     local = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
     with dask.config.set(SETTINGS), LocalCluster(**local) as cluster, Client(cluster, set_as_default=False) as client:
         bad, good = sorted(client.scheduler_info(n_workers=-1)["workers"])
         busy = client.submit(time.sleep, 3.0, workers=[good])
         wait_for(lambda: client.processing()[good])
-        flight = dispatched(client, [], bad)
+        flight = Dispatcher(client, where_it_was, lambda task: (task,), iter([]), avoided=lambda _: {bad})
         for task in (0.0, 0.1):
             flight.again(task, alone=task > 0)
         begun = iter(flight)

@@ -12,7 +12,7 @@ from datagen.farming.plan import Piece
 from datagen.farming.worker import ShardResult
 from shared.errors import SimulationError
 from shared.manifest import Manifest
-from tests.datagen.faults import failing, faulty_system, stay_in_this_process
+from tests.datagen.faults import failing, run_here
 
 BEHIND = 2
 """Shards that a worker has: the one at work, and one that waits."""
@@ -84,26 +84,12 @@ def collected(tmp_path, monkeypatch):
         client = Client(monkeypatch, dies)
         job, system = SimpleNamespace(package="p"), SimpleNamespace(path=tmp_path / "mine" / "system.toml")
         made = Collection(tmp_path, manifest, Failures([]), job, system, budget=1.0)
-        monkeypatch.setattr("datagen.farming.collection.package_files", lambda _: {})
         monkeypatch.setattr(made, "_count", lambda: 0)
         monkeypatch.setattr(made, "take", lambda piece, _: client.tries.append(piece.file))
-        monkeypatch.setattr(made, "_check_budget", lambda _: None)
-        monkeypatch.setattr("datagen.farming.collection.progress_bar", quiet)
-        made.collect(client, iter([Piece(file, (k,), 1) for k, file in enumerate(files)]))
+        made.collect(client, iter([Piece(file, (k,), 1) for k, file in enumerate(files)]), quiet=True)
         return client
 
     return collect
-
-
-class quiet:
-    def __init__(self, *_, **__):
-        pass
-
-    def __enter__(self):
-        return SimpleNamespace(update=lambda *_, **__: None)
-
-    def __exit__(self, *_):
-        pass
 
 
 def test_a_shard_that_only_waited_beside_others_does_not_end_the_run(collected):
@@ -126,21 +112,13 @@ def test_a_shard_that_kills_its_worker_under_guard_as_well_ends_the_run(collecte
     assert [guarded for file, guarded in tries if file == "bad"] == [False, True, True, True, True]
 
 
-SIZE = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "quiet": True}
-
-
 @pytest.mark.slow
-def test_an_early_stop_says_what_it_found_and_does_not_bar_a_retry(tmp_path, monkeypatch):
-    from datagen import run
-
-    stay_in_this_process(monkeypatch)
-    system = faulty_system(tmp_path)
-    bad = [0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14]
-    failing(monkeypatch, *bad)
-    settings = SIZE | {"failure_budget": 0.4}
+def test_an_early_stop_says_what_it_found_and_does_not_bar_a_retry(tank, tmp_path, monkeypatch):
+    failing(monkeypatch, *range(6), *range(10, 15))
+    settings = {"systems": 40, "seed": 3, "shard_size": 10, "hours": 1.0, "failure_budget": 0.4}
     with pytest.raises(SimulationError, match=r"ds: 11 of the 20 systems that this run has tried failed; expected"):
-        run(system, tmp_path / "ds", **settings)
-    assert len(run(system, tmp_path / "ds", **settings).shards) == 4  # those that are left do not fail
-    again = run(system, tmp_path / "ds", retry_failures=True, **settings)  # nor do so many more
+        run_here(tank, tmp_path / "ds", **settings)
+    assert len(run_here(tank, tmp_path / "ds", **settings).shards) == 4  # those that are left do not fail
+    again = run_here(tank, tmp_path / "ds", retry_failures=True, **settings)  # nor do so many more
     assert len(again.done()) == 29
     assert "29 of 40 systems" in (tmp_path / "ds" / "README.md").read_text()

@@ -1,8 +1,5 @@
 """The farm: the same data whoever computes them, resumed where it stopped, and every fault named."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,29 +8,30 @@ from rich.console import Console
 from datagen import info, run, simulate, verify
 from datagen.datasets.mending import repair
 from datagen.driving.sampling import is_calm, sample_parameters
-from datagen.farming.worker import Job, simulate_shard
 from diagnosis.recording import read_recording
+from shared.ceiling import read_ceilings, write_ceilings
 from shared.errors import DatasetError
 from shared.logs import Reporting, reported
-from shared.store import DatasetFolder, read_manifest, write_manifest
-from shared.system import parse_system
+from shared.store import DatasetFolder
 from tests.datagen.cf_checks import cf_faults
-from tests.datagen.faults import stay_in_this_process
+from tests.datagen.faults import hashes, run_here
 
-SIZE = {"systems": 6, "hours": 96.0, "seed": 5, "shard_size": 2, "quiet": True}
+SIZE = {"systems": 6, "hours": 96.0, "seed": 5, "shard_size": 2}
 
 
 @pytest.fixture(scope="module")
 def made(default_system, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("farm") / "two-workers"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-        run(default_system, folder, workers=2, **SIZE)
+    folder = tmp_path_factory.mktemp("farm") / "made"
+    run_here(default_system, folder, **SIZE)
     return folder
 
 
-def hashes(folder):
-    return {entry.file: entry.content_hash for entry in read_manifest(folder).shards}
+def carried_out(folder, monkeypatch):
+    """What the lines of a dataset's card define."""
+    code, scope = (folder / "README.md").read_text().split("```python\n")[1].split("```")[0], {}
+    monkeypatch.chdir(folder)
+    exec(code, scope)
+    return scope
 
 
 def test_the_dataset_is_what_was_asked_for(made, default_system):
@@ -50,25 +48,15 @@ def test_the_dataset_is_what_was_asked_for(made, default_system):
 
 
 def test_the_cards_lines_read_the_dataset(made, monkeypatch):
-    code = (made / "README.md").read_text().split("```python\n")[1].split("```")[0]
-    monkeypatch.chdir(made)
-    scope = {}
-    exec(code, scope)
+    scope = carried_out(made, monkeypatch)
     assert scope["data"].sizes == {"system": 6, "time": 96, "bnds": 2}
     assert scope["train"].sizes["system"] == int((scope["data"]["split"] == 0).sum())
 
 
-@pytest.fixture(scope="module")
-def roaming(default_system, tmp_path_factory):
-    """A dataset whose records begin on days of their own."""
-    folder = tmp_path_factory.mktemp("farm") / "roaming"
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        run(default_system, folder, preset="many-rooms", hours=24.0, systems=3, seed=5, shard_size=3, quiet=True)
-    return folder
-
-
-def test_no_reader_takes_elapsed_time_for_dates(roaming, default_system, tmp_path, monkeypatch):
+def test_no_reader_takes_elapsed_time_for_dates(default_system, tmp_path, monkeypatch):
+    """In a dataset whose records begin on days of their own."""
+    roaming = tmp_path / "roaming"
+    run_here(default_system, roaming, preset="many-rooms", hours=24.0, systems=3, seed=5, shard_size=3)
     shard = xr.load_dataset(roaming / "shards" / "shard-000000.nc")
     assert shard["time"].dtype.kind == "f"
     anywhere = default_system.with_experiment(start=(0.0, 8760.0))
@@ -78,11 +66,8 @@ def test_no_reader_takes_elapsed_time_for_dates(roaming, default_system, tmp_pat
     np.testing.assert_array_equal(alone["time_bnds"].values[:, 1], alone["time"].values)
     np.testing.assert_array_equal(alone["time_bnds"].values[:, 0], alone["time"].values - 3600.0)
     assert shard["start"].sel(system=2).values + np.timedelta64(1, "h") == dates[0]
-    code = (roaming / "README.md").read_text().split("```python\n")[1].split("```")[0]
-    monkeypatch.chdir(roaming)
-    scope = {}
-    exec(code, scope)
-    np.testing.assert_array_equal(scope["date"].sel(system=2).values, dates)
+    found = carried_out(roaming, monkeypatch)["date"]
+    np.testing.assert_array_equal(found.sel(system=2).values, dates)
     # what the checker has left to say goes by names: of the FMU's variables, and of a time that is not a date
     faults = cf_faults(roaming / "shards" / "shard-000000.nc")
     known = ("should begin with a letter and be composed of", "Coordinate variable 'time' should have standard_name")
@@ -95,32 +80,13 @@ def test_no_reader_takes_elapsed_time_for_dates(roaming, default_system, tmp_pat
     assert one.zero == same.zero
 
 
-def test_a_single_simulation_is_the_farms(made, default_system):
+def test_a_single_simulation_is_the_farms_and_a_shorter_one_its_beginning(made, default_system):
     record = simulate(default_system, hours=96.0, seed=5, index=3)
     row = DatasetFolder(made).load().values[3]
     np.testing.assert_array_equal(record["TRoo"].values, row[0])
     np.testing.assert_array_equal(record["CO2"].values, row[1])
-
-
-def test_a_shorter_record_is_the_beginning_of_a_longer_one(default_system, made):
     short = simulate(default_system, hours=48.0, seed=5, index=1)["TRoo"].values
     np.testing.assert_allclose(short, DatasetFolder(made).load().values[1, 0, :48], atol=5e-3)
-
-
-def test_an_unfinished_run_is_resumed_to_the_same_data_without_its_two_workers(
-    made, default_system, tmp_path, monkeypatch
-):
-    stay_in_this_process(monkeypatch)
-    manifest = read_manifest(made)
-    (tmp_path / "shards").mkdir()
-    kept = manifest.shards[1]
-    (tmp_path / "shards" / kept.file).write_bytes((made / "shards" / kept.file).read_bytes())
-    write_manifest(tmp_path, manifest.model_copy(update={"shards": [kept]}))
-    before = (tmp_path / "shards" / kept.file).stat().st_mtime_ns
-    run(default_system, tmp_path, workers=1, **SIZE)
-    assert hashes(tmp_path) == hashes(made)
-    assert len(hashes(made)) == 3
-    assert (tmp_path / "shards" / kept.file).stat().st_mtime_ns == before
 
 
 @pytest.mark.parametrize(
@@ -130,76 +96,32 @@ def test_an_unfinished_run_is_resumed_to_the_same_data_without_its_two_workers(
 def test_other_settings_are_refused(made, default_system, change, field):
     before = (made / "manifest.json").read_bytes()
     with pytest.raises(DatasetError, match=rf"{field} is \S+, this run has \S+; .*own settings"):
-        run(default_system, made, workers=1, **{**SIZE, **change})
+        run(default_system, made, **{**SIZE, **change})
     assert (made / "manifest.json").read_bytes() == before
 
 
 def test_a_folder_with_other_things_is_left_alone(default_system, tmp_path):
     (tmp_path / "thesis.txt").write_text("two years of work")
     with pytest.raises(DatasetError, match="not empty"):
-        run(default_system, tmp_path, workers=1, **SIZE)
+        run(default_system, tmp_path, **SIZE)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
 
 
-def test_a_log_in_the_folder_does_not_bar_it(default_system, tmp_path, monkeypatch):
+def test_a_log_in_the_folder_does_not_bar_it(tank, tmp_path):
     """The command opens it first, and had then refused the folder for it."""
-    stay_in_this_process(monkeypatch)
     with reported(Reporting(log=tmp_path / "log.jsonl"), Console()):
-        run(default_system, tmp_path, workers=1, **{**SIZE, "systems": 2})
+        run_here(tank, tmp_path, systems=2)
     assert verify(tmp_path) == []
     assert (tmp_path / "log.jsonl").stat().st_size > 0
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "log.jsonl").write_text("of something else")
     with pytest.raises(DatasetError, match="not empty"), reported(Reporting(log=tmp_path / "log.jsonl"), Console()):
-        run(default_system, tmp_path / "other", workers=1, **SIZE)
+        run_here(tank, tmp_path / "other", systems=2)
 
 
-@pytest.mark.parametrize("damage", ["flip", "add"])
-def test_verify_names_the_damaged_file(made, tmp_path, damage):
-    (tmp_path / "shards").mkdir()
-    for name in ("manifest.json", "README.md", *(f"shards/{file}" for file in hashes(made))):
-        (tmp_path / name).write_bytes((made / name).read_bytes())
-    victim = tmp_path / "shards" / "shard-000001.nc"
-    data = bytearray(victim.read_bytes())
-    if damage == "flip":
-        data[len(data) // 2] ^= 0x10
-    else:
-        victim = tmp_path / "shards" / "shard-000009.nc"
-    victim.write_bytes(bytes(data))
-    faults = verify(tmp_path)
-    assert len(faults) == 1
-    assert victim.name in faults[0]
-
-
-def test_systems_that_fail_are_quarantined_with_their_cause(default_system, tmp_path):
-    """Half of this range makes the window absorb and reflect more than all the sun: the FMU refuses those."""
-    text = default_system.path.read_text().replace("../MixedAirCO2.fmu", str(default_system.fmu_path))
-    text = text.replace("min = 0.3\nmax = 0.7", "min = 0.70\nmax = 0.99")
-    system = parse_system(text, Path("mine.toml")).with_experiment(hours=24.0)
-    job = Job(system.canonical(), str(system.path), "0" * 64, 1, True, str(tmp_path))
-    (tmp_path / "shards").mkdir()
-    result = simulate_shard(job, "shard-000000.nc", list(range(8)))
-    absorptance = [sample_parameters(system, 1, i)[6] for i in range(8)]
-    refused = [i for i in range(8) if absorptance[i] > 0.85]
-    assert 0 < len(refused) < 8
-    assert [f["system"] for f in result.failures] == refused
-    assert result.entry is not None
-    assert result.entry.systems == [i for i in range(8) if i not in refused]
-    failure = result.failures[0]
-    assert "absSolFra" in failure["cause"]
-    assert failure["parameters"]["glaSys.absSolFra"] > 0.85
-    json.dumps(failure)
-
-
-def nothing_simulated(monkeypatch):
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-    monkeypatch.setattr("datagen.farming.farm.missing", lambda *_, **__: iter(()))
-
-
-def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path, monkeypatch):
-    stay_in_this_process(monkeypatch)
-    run(default_system, tmp_path / "some", calm=0.5, **SIZE)
-    run(default_system, tmp_path / "all", excitation=False, **SIZE)
+def test_a_share_of_the_systems_is_calm_and_stays_so_when_it_is_mended(made, default_system, tmp_path, in_this_process):
+    run_here(default_system, tmp_path / "some", calm=0.5, **SIZE)
+    run_here(default_system, tmp_path / "all", excitation=False, **SIZE)
     names = [one.name for one in default_system.inputs if one.source == "excitation"]
     some, none, every = (DatasetFolder(folder) for folder in (tmp_path / "some", tmp_path / "all", made))
     loaded = [one.load([*names, *default_system.output_names]) for one in (some, none, every)]
@@ -237,11 +159,35 @@ def test_a_share_that_is_none_is_refused(default_system, tmp_path):
         ({"preset": "many-rooms"}, None),
     ],
 )
-def test_ceilings_of_another_season_are_not_put_beside_data(
-    default_system, tmp_path, monkeypatch, caplog, size, season
-):
-    nothing_simulated(monkeypatch)
+@pytest.mark.usefixtures("nothing_simulated")
+def test_ceilings_of_another_season_are_not_put_beside_data(default_system, tmp_path, caplog, size, season):
     caplog.set_level("INFO", "zeroshot")
     run(default_system, tmp_path, systems=6, quiet=True, **size)
     assert (tmp_path / "identifiability.json").exists() == (season is None)
     assert (f"not copied: it is of the whole year; this dataset is of {season}" in caplog.text) == (season is not None)
+
+
+@pytest.mark.usefixtures("nothing_simulated")
+def test_limits_that_were_computed_for_a_dataset_stay(default_system, tmp_path):
+    settings = {"systems": 6, "preset": "many-rooms", "quiet": True}
+    run(default_system, tmp_path, **settings)
+    path = tmp_path / "identifiability.json"
+    beside = read_ceilings(default_system.path.parent / "identifiability.json")
+    assert read_ceilings(path) == beside
+    own = beside.model_copy(deep=True)
+    same = own.ceilings[0].model_copy(update={"r2_mean": 0.123, "systems": 30})
+    fewer = own.ceilings[1].model_copy(update={"r2_mean": 0.123, "systems": 3})  # older than those beside
+    other = own.ceilings[0].model_copy(update={"context_hours": 17.0})
+    own.ceilings = [same, fewer, other]
+    write_ceilings(path, own)
+    run(default_system, tmp_path, **settings)
+    found = read_ceilings(path).ceilings
+    assert same in found and other in found
+    assert [one for one in found if one not in (same, other)] == beside.ceilings[1:]
+    before = path.stat()
+    run(default_system, tmp_path, **settings)
+    assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    strange = own.model_copy(update={"system_hash": "0" * 64})
+    write_ceilings(path, strange)
+    run(default_system, tmp_path, **settings)
+    assert read_ceilings(path) == strange

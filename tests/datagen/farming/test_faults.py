@@ -31,48 +31,32 @@ from tests.datagen.faults import (
     finish,
     hashes,
     kill,
+    run_here,
     shards_in,
-    stay_in_this_process,
     wait_for,
     workers_of,
 )
 
 pytestmark = pytest.mark.slow
-SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "workers": 1, "quiet": True}
+SIZE = {"systems": 12, "seed": 3, "shard_size": 2, "workers": 1}
 MANY = 24
 """Shards of the runs that are disturbed: enough that the disturbance comes while there is work left."""
 WORDS = ["--systems", MANY, "--seed", 3, "--shard-size", 1, "--workers", 1, "--hours", 8760]
 
 
 @pytest.fixture(scope="module")
-def tanks(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("faulty")
-    faulty.build(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def good(tanks):
-    return faulty.describe(tanks)
-
-
-@pytest.fixture(scope="module")
-def whole(good, tmp_path_factory):
+def whole(tank, tmp_path_factory):
     """Many short shards, undisturbed: what every disturbed run must come to."""
     folder = tmp_path_factory.mktemp("whole") / "ds"
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        run(good, folder, **{**SIZE, "systems": MANY, "shard_size": 1, "hours": 8760.0})
+    run_here(tank, folder, **{**SIZE, "systems": MANY, "shard_size": 1, "hours": 8760.0})
     return folder
 
 
 @pytest.fixture(scope="module")
-def dozen(good, tmp_path_factory):
+def dozen(tank, tmp_path_factory):
     """A small dataset, undisturbed; tests take copies of it."""
     folder = tmp_path_factory.mktemp("dozen") / "ds"
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        run(good, folder, **SIZE)
+    run_here(tank, folder, **SIZE)
     return folder
 
 
@@ -82,19 +66,13 @@ def made(dozen, tmp_path):
     return shutil.copytree(dozen, tmp_path / "ds")
 
 
-def test_stopped_again_and_again_it_is_the_same_and_leaves_nothing_behind(good, whole, tmp_path):
+def test_stopped_again_and_again_it_is_the_same_and_leaves_nothing_behind(tank, whole, tmp_path):
     """In one way after the other: each run goes on from what the one before it, killed, has left."""
     out = tmp_path / "ds"
-    interrupted_early(good, out)
-    process, family = disturbed(good, out)
-    kill(process.pid)
-    finish(process)
-    assert len(hashes(out)) < MANY
+    interrupted_early(tank, out)
+    killed_with_work_left(tank, out)
     assert hashes(out).items() <= hashes(whole).items()
-    wait_for(lambda: not alive(family))
-    process, _ = disturbed(good, out)
-    kill(workers_of(process.pid)[0])
-    assert finish(process)[0] == 0
+    run_here(tank, out, **{**SIZE, "systems": MANY, "shard_size": 1, "hours": 8760.0})
     assert hashes(out) == hashes(whole)
     assert verify(out) == []
     assert (out / "failures.jsonl").read_text() == ""
@@ -120,44 +98,39 @@ def interrupted_early(system, out):
     wait_for(lambda: not alive(family))
 
 
-def disturbed(system, out):
-    """A run that has written some shards more than there were, with work left; and its processes."""
-    before = len(shards_in(out))
+def killed_with_work_left(system, out):
+    """Kill a run that has written some shards; its workers follow it."""
     process = farm(system, "--out", out, *WORDS)
-    wait_for(lambda: len(shards_in(out)) >= before + 3 or process.poll() is not None)
-    assert process.poll() is None and len(shards_in(out)) < MANY
-    return process, family_of(process.pid)
+    wait_for(lambda: len(shards_in(out)) >= 3 or process.poll() is not None)
+    family = family_of(process.pid)
+    assert process.poll() is None
+    kill(process.pid)
+    finish(process)
+    wait_for(lambda: not alive(family))
+    assert 3 <= len(shards_in(out)) < MANY
 
 
-def test_a_second_run_on_one_folder_is_refused(good, made, monkeypatch):
+def test_a_second_run_on_one_folder_is_refused(tank, made):
     before = hashes(made)
     with FolderLock(made), pytest.raises(DatasetError, match=rf"another run is at it \(process {os.getpid()}"):
-        run(good, made, **SIZE)
-    stay_in_this_process(monkeypatch)
-    run(good, made, **SIZE)
+        run(tank, made, **SIZE)
+    run_here(tank, made, **SIZE)
     assert hashes(made) == before
 
 
-@pytest.fixture
-def taken_to_be_alive(monkeypatch):
-    """No FMU is tried in a process apart before the run; the runs in processes of their own do it."""
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
-
-
-def test_the_failure_budget_stops_a_run_that_goes_wrong(good, tmp_path, monkeypatch):
-    stay_in_this_process(monkeypatch)
+def test_the_failure_budget_stops_a_run_that_goes_wrong(tank, tmp_path, monkeypatch):
     failing(monkeypatch, 0)
     with pytest.raises(SimulationError, match=r"1 system failed, more than the failure budget of 0% of 2.*not want to"):
-        run(good, tmp_path / "ds", failure_budget=0.0, **{**SIZE, "systems": 2, "shard_size": 1})
+        run_here(tank, tmp_path / "ds", failure_budget=0.0, **{**SIZE, "systems": 2, "shard_size": 1})
 
 
-def test_only_the_guilty_systems_are_quarantined(tanks, dozen, tmp_path, monkeypatch, taken_to_be_alive):
+def test_only_the_guilty_systems_are_quarantined(tank, dozen, tmp_path, monkeypatch, taken_to_be_alive):
     """One system crashes and one hangs, each beside one that does neither; a second run leaves all as it is."""
-    bad = faulty.describe(tanks, fault=6, above=7.67e-5)
+    bad = faulty.describe(tank.parent, fault=6, above=7.67e-5)
     out, scratch, size = tmp_path / "ds", tmp_path / "scratch", {**SIZE, "systems": 4, "failure_budget": 0.5}
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))  # of the workers
-    manifest = run(bad, out, timeout=4.0, **size)
+    manifest = run(bad, out, timeout=4.0, quiet=True, **size)
     assert {*manifest.done()} == {(3, 1), (3, 2)}
     failures = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
     innocent = DatasetFolder(dozen).load()
@@ -168,9 +141,9 @@ def test_only_the_guilty_systems_are_quarantined(tanks, dozen, tmp_path, monkeyp
     assert (DatasetFolder(out).load().values == innocent.values[[1, 2]]).all()
     assert verify(out) == []
     assert list(scratch.rglob("modelDescription.xml")) == []
-    before = {path: path.stat().st_mtime_ns for path in out.rglob("*.nc")}
-    assert run(bad, out, **size).shards == manifest.shards
-    assert {path: path.stat().st_mtime_ns for path in out.rglob("*.nc")} == before
+    before = times_of(out)
+    assert run(bad, out, quiet=True, **size).shards == manifest.shards
+    assert times_of(out) == before
 
 
 def listening():
@@ -181,7 +154,7 @@ def listening():
 
 
 def test_a_leaking_fmu_gets_fresh_workers_and_nothing_listens_beyond_this_machine(
-    tanks, tmp_path, monkeypatch, taken_to_be_alive
+    tank, tmp_path, monkeypatch, taken_to_be_alive
 ):
     """Four years of a tank, each of which loses sixty megabytes: no worker sees many of them, however short.
 
@@ -202,9 +175,9 @@ def test_a_leaking_fmu_gets_fresh_workers_and_nothing_listens_beyond_this_machin
 
     monkeypatch.setattr(Scheduler, "remove_worker", late)
     monkeypatch.setattr(Collection, "take", watched)
-    size = {**SIZE, "systems": 4, "shard_size": 1, "hours": 8760.0}
+    size = {**SIZE, "systems": 4, "shard_size": 1, "hours": 8760.0, "quiet": True}
     with dask.config.set({"distributed.deploy.lost-worker-timeout": "1s"}):
-        manifest = run(faulty.describe(tanks, leak=60e6), tmp_path / "leaky", recycle=100e6, **size)
+        manifest = run(faulty.describe(tank.parent, leak=60e6), tmp_path / "leaky", recycle=100e6, **size)
     assert len(manifest.done()) == len(seen) == 4
     assert (tmp_path / "leaky" / "failures.jsonl").read_text() == ""
     assert len({*seen}) >= 2
@@ -213,41 +186,40 @@ def test_a_leaking_fmu_gets_fresh_workers_and_nothing_listens_beyond_this_machin
     assert {ip for ip, _ in opened} <= {"127.0.0.1", "::1"}
 
 
-def test_more_systems_by_extension_leave_the_old_shards_alone(good, dozen, tmp_path, monkeypatch):
-    stay_in_this_process(monkeypatch)
-    run(good, tmp_path / "grown", **{**SIZE, "systems": 5})
-    before = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path / "grown")}
+def times_of(folder):
+    return {path.name: path.stat().st_mtime_ns for path in shards_in(folder)}
+
+
+def test_more_systems_by_extension_leave_the_old_shards_alone(tank, dozen, tmp_path):
+    out = tmp_path / "grown"
+    run_here(tank, out, **{**SIZE, "systems": 5})
+    before = times_of(out)
     with pytest.raises(DatasetError, match="--extend"):
-        run(good, tmp_path / "grown", **{**SIZE, "systems": 8})
-    run(good, tmp_path / "grown", extend=True, **{**SIZE, "systems": 8})
-    run(good, tmp_path / "grown", **{**SIZE, "systems": 8})
-    after = {path.name: path.stat().st_mtime_ns for path in shards_in(tmp_path / "grown")}
-    assert {name: after[name] for name in before} == before
-    grown, once = DatasetFolder(tmp_path / "grown").load(), DatasetFolder(dozen).load()
+        run_here(tank, out, **{**SIZE, "systems": 8})
+    run_here(tank, out, extend=True, **{**SIZE, "systems": 8})
+    run_here(tank, out, **{**SIZE, "systems": 8})
+    assert before.items() <= times_of(out).items()
+    grown, once = DatasetFolder(out).load(), DatasetFolder(dozen).load()
     assert grown.systems.tolist() == list(range(8))
     assert (grown.values == once.values[:8]).all()
     assert (grown.splits == once.splits[:8]).all()
     with pytest.raises(DatasetError, match="systems is 8, this run has 5"):
-        run(good, tmp_path / "grown", extend=True, **{**SIZE, "systems": 5})
+        run_here(tank, out, extend=True, **{**SIZE, "systems": 5})
 
 
-def test_a_shard_that_was_written_but_not_recorded_is_adopted(good, made, monkeypatch):
-    stay_in_this_process(monkeypatch)
+def test_a_shard_that_was_written_but_not_recorded_is_adopted(tank, made):
     manifest = read_manifest(made)
     write_manifest(made, manifest.model_copy(update={"shards": manifest.shards[:2]}))
     spoilt = made / "shards" / manifest.shards[-1].file
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
-    before = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
-    run(good, made, **SIZE)
-    after = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
-    assert [name for name in after if after[name] != before[name]] == [spoilt.name]
+    before = times_of(made)
+    run_here(tank, made, **SIZE)
+    assert [name for name, time in times_of(made).items() if time != before[name]] == [spoilt.name]
     assert read_manifest(made).shards == manifest.shards
 
 
-def test_repair_mends_the_damaged_shards_and_no_other(made, monkeypatch):
-    stay_in_this_process(monkeypatch)
-    whole = {path.name: path.read_bytes() for path in shards_in(made)}
-    times = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
+def test_repair_mends_the_damaged_shards_and_no_other(made, in_this_process):
+    whole, times = {path.name: path.read_bytes() for path in shards_in(made)}, times_of(made)
     flipped, cut, removed = victims = [made / "shards" / f"shard-{number:06d}.nc" for number in (1, 2, 4)]
     data = bytearray(flipped.read_bytes())
     data[len(data) // 2] ^= 0x10
@@ -259,8 +231,7 @@ def test_repair_mends_the_damaged_shards_and_no_other(made, monkeypatch):
     assert [[name in fault for name in names] for fault in verify(made)] == np.eye(3, dtype=bool).tolist()
     assert mending.repair(made) == names
     assert {path.name: path.read_bytes() for path in shards_in(made)} == whole
-    stamps = {path.name: path.stat().st_mtime_ns for path in shards_in(made)}
-    assert {name for name in stamps if stamps[name] == times[name]} == {*whole} - {*names}
+    assert {name for name, time in times_of(made).items() if time == times[name]} == {*whole} - {*names}
     assert verify(made) == []
 
 
@@ -276,18 +247,17 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "-l", where], check=True)
 
 
-def test_a_full_disk_is_a_sentence_and_loses_nothing(good, whole, small_disk, monkeypatch):
-    stay_in_this_process(monkeypatch)
+def test_a_full_disk_is_a_sentence_and_loses_nothing(tank, whole, small_disk):
     size = {**SIZE, "hours": 8760.0, "systems": MANY, "shard_size": 1}
     with pytest.raises(DatasetError, match=r"No space left.*same command goes on"):
-        run(good, small_disk / "ds", **size)
+        run_here(tank, small_disk / "ds", **size)
     subprocess.run(["mount", "-o", "remount,size=64m", small_disk], check=True)
     assert all("not in the manifest" in one or "README.md: missing" in one for one in verify(small_disk / "ds"))
-    run(good, small_disk / "ds", **size)
+    run_here(tank, small_disk / "ds", **size)
     assert hashes(small_disk / "ds") == hashes(whole)
 
 
-def test_a_read_only_folder_is_a_sentence(good, small_disk, taken_to_be_alive):
+def test_a_read_only_folder_is_a_sentence(tank, small_disk):
     subprocess.run(["mount", "-o", "remount,ro", small_disk], check=True)
     with pytest.raises(DatasetError, match=r"nothing can be written there \(Read-only file system\)"):
-        run(good, small_disk / "ds", **SIZE)
+        run_here(tank, small_disk / "ds", **SIZE)

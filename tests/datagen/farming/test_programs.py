@@ -11,41 +11,24 @@ from dask.distributed import LocalCluster
 from datagen import run
 from shared.children import environment
 from shared.store import DatasetFolder
-from tests.datagen.faults import faulty, shards_in, stay_in_this_process
+from tests.datagen.faults import faulty, run_here, shards_in
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="no fork there")]
-SIZE = {"systems": 2, "seed": 3, "shard_size": 1, "hours": 24, "quiet": True}
+SIZE = {"systems": 2, "seed": 3, "shard_size": 1, "hours": 24}
 SCRIPT = f"""
 import sys
 import datagen
 print("begun", flush=True)
-datagen.run(sys.argv[1], sys.argv[2], workers=1, **{SIZE})
+datagen.run(sys.argv[1], sys.argv[2], workers=2, quiet=True, **{SIZE})
 """
 
 
 @pytest.fixture(scope="module")
-def tanks(tmp_path_factory):
+def tanks(tank, tmp_path_factory):
     """Two FMUs of one file name, model name and identifier, of which the second fills up twice as fast."""
-    folders = [tmp_path_factory.mktemp(name) for name in ("one", "other")]
-    faulty.build(folders[0])
-    source = faulty.HERE / "faulty.c"
-    text, filling = source.read_text(), "dx[0] = t->v[INFLOW]"
-    assert filling in text
-    with pytest.MonkeyPatch.context() as patch:
-        (folders[1] / "faulty.c").write_text(text.replace(filling, "dx[0] = 2 * t->v[INFLOW]"))
-        (folders[1] / "modelDescription.xml").write_bytes((faulty.HERE / "modelDescription.xml").read_bytes())
-        (folders[1] / "system.toml").write_bytes((faulty.HERE / "system.toml").read_bytes())
-        patch.setattr(faulty, "HERE", folders[1])
-        faulty._binary.cache_clear()
-        faulty.build(folders[1])
-        faulty._binary.cache_clear()
-    return [faulty.describe(folder) for folder in folders]
-
-
-@pytest.fixture
-def taken_to_be_alive(monkeypatch):
-    """No FMU is tried in a process apart before the run: the script's run has it."""
-    monkeypatch.setattr("datagen.farming.farm.check_live_apart", lambda *_: None)
+    folder = tmp_path_factory.mktemp("other")
+    faulty.build(folder, ("dx[0] = t->v[INFLOW]", "dx[0] = 2 * t->v[INFLOW]"))
+    return [tank, faulty.describe(folder)]
 
 
 def values(folder):
@@ -56,16 +39,14 @@ def values(folder):
 def alone(tanks, tmp_path_factory):
     """The levels of both, simulated in this process: shapes (systems, 1, time)."""
     folder = tmp_path_factory.mktemp("alone")
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        for k, tank in enumerate(tanks):
-            run(tank, folder / f"{k}", **SIZE)
+    for k, one in enumerate(tanks):
+        run_here(one, folder / f"{k}", **SIZE)
     found = [values(folder / f"{k}") for k in range(2)]
     assert not np.allclose(*found, rtol=0.1)
     return found
 
 
-def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path):
+def test_a_script_without_a_guard_has_its_farm_of_two_workers(tanks, alone, tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT)
     env = environment()
     words = [sys.executable, "script.py", str(tanks[0]), "ds"]
@@ -76,8 +57,8 @@ def test_a_script_without_a_guard_has_its_farm(tanks, alone, tmp_path):
 
 def test_two_fmus_of_one_name_are_two_in_one_farm(tanks, alone, tmp_path, taken_to_be_alive):
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
-        for name, tank in zip(("one", "other"), tanks, strict=True):
-            run(tank, tmp_path / name, scheduler=cluster.scheduler_address, **SIZE)
+        for name, one in zip(("one", "other"), tanks, strict=True):
+            run(one, tmp_path / name, scheduler=cluster.scheduler_address, quiet=True, **SIZE)
     for name, expected in zip(("one", "other"), alone, strict=True):
         np.testing.assert_array_equal(values(tmp_path / name), expected)
 
@@ -86,7 +67,7 @@ def test_a_worker_whose_fmu_holds_the_interpreter_is_waited_for(tanks, alone, tm
     """It sends no heartbeat for two seconds, where Dask would bear half a second: as ten minutes are to five."""
     held = faulty.describe(tanks[0].parent, fault=5, above=1e-9)
     with dask.config.set({"distributed.scheduler.worker-ttl": "0.5s"}), caplog.at_level("DEBUG", "zeroshot"):
-        run(held, tmp_path / "ds", workers=1, **SIZE)
+        run(held, tmp_path / "ds", workers=1, quiet=True, **SIZE)
     np.testing.assert_array_equal(values(tmp_path / "ds"), alone[0])
     assert len(shards_in(tmp_path / "ds")) == 2
     assert "died" not in caplog.text and "tried again" not in caplog.text

@@ -57,12 +57,6 @@ def test_jobs_are_kept_and_options_reach_the_queue(tmp_path):
     assert asked["scheduler_options"] == LISTENING
 
 
-@pytest.mark.usefixtures("queue")
-def test_an_option_that_is_not_known_is_a_sentence():
-    with pytest.raises(ClusterError, match="cluster options: nonsense is not known; expected those of"):
-        slurm(1, {"nonsense": "1"}, LISTENING)
-
-
 def test_the_job_script_has_a_workers_settings_and_each_directive_whole(monkeypatch, tmp_path):
     monkeypatch.setattr("datagen.farming.slurm.Keeper", Keeper)  # submits nothing
     words = ["job_extra_directives=--exclusive", "job_extra_directives=--qos=long run", "job_cpu=3"]
@@ -107,6 +101,7 @@ def test_workers_leave_before_their_job_ends(walltime, words):
     [
         (["cores=two"], "cores is 'two'; expected a whole number of at least 1"),
         (["queue=a", "queue=b"], "queue is a and b; expected one value"),
+        (["nonsense=1"], "cluster options: nonsense is not known; expected those of"),
     ],
 )
 def test_a_value_that_cannot_be_used_is_a_sentence(words, said):

@@ -1,7 +1,5 @@
 """Other versions of what decides the numbers: told and noted in a dataset, refused of a worker."""
 
-import shutil
-
 import pytest
 
 from datagen import info, run, verify
@@ -9,28 +7,12 @@ from datagen.farming.cluster import _check_versions
 from datagen.farming.versions import all_here, deciding_here
 from shared.errors import ClusterError, DatasetError
 from shared.store import read_manifest, write_manifest
-from tests.datagen.faults import faulty, hashes, stay_in_this_process
+from tests.datagen.faults import hashes, run_here
 
-SIZE = {"shard_size": 2, "workers": 1, "quiet": True}
+pytestmark = pytest.mark.usefixtures("in_this_process")
+SIZE = {"shard_size": 2, "workers": 1}
 OLDER = all_here() | {"pvlib": "0.0.1", "dask": "1.0"}
 OURS = f"pvlib {all_here()['pvlib']}"
-
-
-@pytest.fixture(autouse=True)
-def in_this_process(monkeypatch):
-    stay_in_this_process(monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def tanks(tmp_path_factory):
-    """Two datasets of tanks, with different seeds."""
-    folder = tmp_path_factory.mktemp("versions")
-    faulty.build(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        for seed in (1, 2):
-            run(faulty.describe(folder), folder / f"seed-{seed}", systems=2, seed=seed, **SIZE)
-    return folder
 
 
 @pytest.fixture
@@ -40,19 +22,20 @@ def told(caplog):
 
 
 @pytest.fixture
-def older(tanks, tmp_path):
-    """One of them, as if another pvlib and another Dask had made it."""
-    folder = shutil.copytree(tanks / "seed-1", tmp_path / "older")
+def older(tank, tmp_path):
+    """A dataset of tanks, as if another pvlib and another Dask had made it."""
+    folder = tmp_path / "older"
+    run_here(tank, folder, systems=2, seed=1, **SIZE)
     write_manifest(folder, read_manifest(folder).model_copy(update={"versions": OLDER}))
     return folder
 
 
 @pytest.mark.slow
-def test_a_dataset_that_is_extended_by_other_versions_names_all(tanks, older, told):
+def test_a_dataset_that_is_extended_by_other_versions_names_all(tank, older, told):
     before = hashes(older)
-    run(tanks / "system.toml", older, systems=2, seed=1, **SIZE)
+    run(tank, older, quiet=True, systems=2, seed=1, **SIZE)
     assert read_manifest(older).all_versions() == [OLDER] and not told()  # nothing was simulated
-    run(tanks / "system.toml", older, systems=4, seed=1, extend=True, **SIZE)
+    run(tank, older, quiet=True, systems=4, seed=1, extend=True, **SIZE)
     (sentence,) = told()
     assert sentence.startswith(f"{older}: made with pvlib 0.0.1, this run with {OURS}; their systems agree within")
     assert read_manifest(older).all_versions() == [OLDER, all_here()]
@@ -61,14 +44,14 @@ def test_a_dataset_that_is_extended_by_other_versions_names_all(tanks, older, to
     assert "Several versions made it" in card and "pvlib 0.0.1" in card and OURS in card
     assert before.items() <= hashes(older).items()
     assert verify(older) == []
-    run(tanks / "system.toml", older, systems=6, seed=1, extend=True, **SIZE)
+    run(tank, older, quiet=True, systems=6, seed=1, extend=True, **SIZE)
     assert read_manifest(older).all_versions() == [OLDER, all_here()] and told() == [sentence]  # known already
 
 
-def test_another_major_schema_is_not_extended(tanks, older):
+def test_another_major_schema_is_not_extended(tank, older):
     write_manifest(older, read_manifest(older).model_copy(update={"schema_version": "1.0"}))
     with pytest.raises(DatasetError, match=r"schema_version is 1\.0, this run has 2\.\d+; a dataset can only be"):
-        run(tanks / "system.toml", older, systems=4, seed=1, extend=True, **SIZE)
+        run(tank, older, quiet=True, systems=4, seed=1, extend=True, **SIZE)
 
 
 class _Client:

@@ -2,7 +2,6 @@
 
 import sys
 import tomllib
-import zipfile
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from datagen.fmi.describe import describe
 from datagen.fmi.fmu import Fmu
 from shared.errors import FmuError, SystemDescriptionError
 from shared.system import load_system, parse_system
+from tests.datagen.fmus import rewritten
 
 BOOLEAN = (
     '<ScalarVariable name="oveAct_activate" valueReference="900" causality="input" variability="discrete">'
@@ -23,21 +23,6 @@ TEXT = (
     '<ScalarVariable name="file" valueReference="901" causality="input" variability="discrete">'
     '<String start=""/></ScalarVariable>'
 )
-
-
-def rewritten(path, out, *changes):
-    """A copy of an FMU whose model description has other texts."""
-    with zipfile.ZipFile(path) as source, zipfile.ZipFile(out, "w") as archive:
-        for name in source.namelist():
-            content = source.read(name)
-            if name == "modelDescription.xml":
-                text = content.decode()
-                for old, new in changes:
-                    assert old in text, old
-                    text = text.replace(old, new)
-                content = text.encode()
-            archive.writestr(name, content)
-    return out
 
 
 @pytest.fixture

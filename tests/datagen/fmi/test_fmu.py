@@ -1,6 +1,5 @@
 """A description that does not fit its FMU is refused, by name."""
 
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from datagen.simulating.simulator import Simulator
 from shared.errors import SystemDescriptionError
 from shared.system import load_system, parse_system
 from tests.datagen.faults import faulty
+from tests.datagen.fmus import rewritten
 
 
 @pytest.fixture(scope="module")
@@ -51,14 +51,7 @@ def test_each_misfit_is_one_sentence(toml, default_system, old, new, words):
 
 def test_a_value_of_another_kind_is_not_rounded(tmp_path):
     path = faulty.build(tmp_path)
-    with zipfile.ZipFile(path) as archive:
-        files = {name: archive.read(name) for name in archive.namelist()}
-    old, new = b'<Real start="0"/>', b'<Integer start="0"/>'
-    assert old in files["modelDescription.xml"]
-    files["modelDescription.xml"] = files["modelDescription.xml"].replace(old, new)
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
+    rewritten(path, path, ('<Real start="0"/>', '<Integer start="0"/>'))
     with pytest.raises(
         SystemDescriptionError, match=r"fixed 'fault' is set to 2\.7 and is an Integer; expected a whole"
     ):

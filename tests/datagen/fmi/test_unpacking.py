@@ -5,7 +5,6 @@ import sys
 import zipfile
 from types import SimpleNamespace
 
-import fmpy
 import pytest
 
 from datagen.fmi import interface
@@ -32,8 +31,6 @@ def test_a_temporary_folder_that_runs_no_programs_is_named(small_fmu, tmp_path, 
     with zipfile.ZipFile(small_fmu("dahlquist")) as whole, zipfile.ZipFile(broken, "w") as other:
         for name in whole.namelist():
             other.writestr(name, b"no library" if name.startswith("binaries") else whole.read(name))
-    with pytest.raises(FmuError, match=f"no usable binary for {fmpy.platform_tuple}: .*"):
-        Fmu(broken)
     monkeypatch.setattr(interface.os, "statvfs", lambda _: SimpleNamespace(f_flag=os.ST_NOEXEC))
     with pytest.raises(FmuError, match=r"temporary folder .* is mounted noexec; expected .* set TMPDIR to one"):
         Fmu(broken)

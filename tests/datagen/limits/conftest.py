@@ -34,8 +34,8 @@ value = 5.0
 
 
 @pytest.fixture
-def house(small_fmu):
-    """``house("N", "P")``: a house whose inputs of these names, in this order, are the persons in it."""
+def house_text(small_fmu):
+    """``house_text("N", "P")``: of a house whose inputs of these names, in this order, are the persons in it."""
     fmu = small_fmu("house", attributes='canHandleVariableCommunicationStepSize="true"')
     units = {"N": "1", "P": "kW", "S": "kW/m2"}
 
@@ -43,8 +43,12 @@ def house(small_fmu):
         tables = [(name, 'source = "occupancy"') for name in readers]
         tables += [(name, 'source = "constant"\nvalue = 0.0') for name in units if name not in readers]
         text = "\n".join(f'[[inputs]]\nname = "{name}"\nunit = "{units[name]}"\n{source}' for name, source in tables)
-        return parse_system(
-            HOUSE.format(fmu=fmu.as_posix(), readers=text) + ROOM_AND_PERSONS, fmu.parent / "house.toml"
-        )
+        return HOUSE.format(fmu=fmu.as_posix(), readers=text) + ROOM_AND_PERSONS
 
     return make
+
+
+@pytest.fixture
+def house(house_text, tmp_path):
+    """``house("N", "P")``: that house."""
+    return lambda *readers: parse_system(house_text(*readers), tmp_path / "house.toml")

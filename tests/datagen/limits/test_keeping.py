@@ -8,17 +8,9 @@ from shared.ceiling import Ceiling, read_ceilings, write_ceilings
 from shared.console import FAULT, OK, start
 
 LIMIT = Ceiling(
-    context_hours=24.0,
-    step=3600.0,
-    noise="none",
-    channels=["TRoo"],
-    r2={"roo.V": 0.5},
-    r2_mean=0.5,
-    r2_mean_low=None,
-    r2_mean_high=None,
-    systems=1,
-    seed=1,
-)
+    context_hours=24.0, step=3600.0, noise="none", channels=["TRoo"], r2={"roo.V": 0.5}, r2_mean=0.5,
+    r2_mean_low=None, r2_mean_high=None, systems=1, seed=1,
+)  # fmt: skip
 
 
 @pytest.fixture

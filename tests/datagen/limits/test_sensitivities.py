@@ -24,7 +24,7 @@ def test_a_parameter_is_moved_within_its_range_and_in_its_own_scale(house):
 def test_both_kinds_of_one_fmu_have_one_limit(small_fmu, house):
     """Model Exchange moves the states themselves; Co-Simulation sees what other pasts do to the window."""
     fmu = small_fmu("house", 2, ("me", "cs"), attributes='canHandleVariableCommunicationStepSize="true"')
-    kinds = [house("N").model_copy(update={"fmu": fmu.name, "kind": one}) for one in ("ModelExchange", "CoSimulation")]
+    kinds = [house("N").model_copy(update={"fmu": str(fmu), "kind": one}) for one in ("ModelExchange", "CoSimulation")]
     limits = [identifiability(one, context=24.0, noise="sensor", systems=2) for one in kinds]
     exchange, cosimulation = ([*one.r2.values()] for one in limits)
     assert 0.1 < min(exchange) < max(exchange) < 0.99

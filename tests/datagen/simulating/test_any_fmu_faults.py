@@ -13,25 +13,15 @@ from datagen.fmi.fmu import Fmu
 from datagen.simulating.canary import resets_cleanly
 from datagen.simulating.simulator import Simulator
 from shared.errors import FmuError, SimulationError
+from tests.datagen.fmus import rewritten
 
 FLAVOURS = [(2, "me"), (3, "cs")]
 """Both versions and both kinds; test_any_fmu.py has all four."""
 FAULTS = [
-    "none",
-    "ends",
-    "fails",
-    "hangs",
-    "not_a_number",
-    "discards",
-    "returns_early",
-    "never_settles",
-    "dirty",
-    "slow",
-    "crashes",
-    "leaks",
-    "mutters",
-    "chatters",
+    *("none", "ends", "fails", "hangs", "not_a_number", "discards", "returns_early", "never_settles"),
+    *("dirty", "slow", "crashes", "leaks", "mutters", "chatters"),
 ]
+"""In the order of ``tests/fmus/small/faulty.c``."""
 
 
 @pytest.fixture(params=FLAVOURS, ids=["fmi2-me", "fmi3-cs"])
@@ -133,8 +123,6 @@ def test_an_fmu_without_a_binary_for_this_machine(small_fmu, tmp_path):
 
 
 def test_scheduled_execution_is_refused(small_fmu, tmp_path):
-    with zipfile.ZipFile(small_fmu("lag", 3)) as source, zipfile.ZipFile(tmp_path / "clocked.fmu", "w") as target:
-        text = source.read("modelDescription.xml").decode()
-        target.writestr("modelDescription.xml", text.replace("<ModelExchange", "<ScheduledExecution"))
+    clocked = rewritten(small_fmu("lag", 3), tmp_path / "clocked.fmu", ("<ModelExchange", "<ScheduledExecution"))
     with pytest.raises(FmuError, match=r"FMI 3\.0 without Model Exchange or Co-Simulation"):
-        Fmu(tmp_path / "clocked.fmu")
+        Fmu(clocked)

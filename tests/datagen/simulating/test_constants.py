@@ -14,9 +14,9 @@ from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError
 from shared.store import read_manifest
 from shared.uncertain import Uncertain
-from tests.datagen.faults import stay_in_this_process
+from tests.datagen.faults import run_here
 
-SIZE = {"systems": 4, "hours": 48.0, "seed": 5, "shard_size": 2, "workers": 1, "quiet": True}
+SIZE = {"systems": 4, "hours": 48.0, "seed": 5, "shard_size": 2}
 # of fmus/MixedAirCO2/DESIGN.md: 0.019 m of floor layer, J/(m2.K) and m2.K/W
 FLOOR_C, FLOOR_R = 0.019 * 1630 * 608, 0.019 / 0.15
 
@@ -29,9 +29,7 @@ def simulator(default_system):
 @pytest.fixture(scope="module")
 def drawn(default_system, tmp_path_factory):
     folder = tmp_path_factory.mktemp("constants") / "drawn"
-    with pytest.MonkeyPatch.context() as patch:
-        stay_in_this_process(patch)
-        run(default_system, folder, uncertain=True, **SIZE)
+    run_here(default_system, folder, uncertain=True, **SIZE)
     return folder
 
 
@@ -80,8 +78,8 @@ def test_a_dataset_tells_the_factors_that_its_systems_have(drawn, default_system
     assert not (drawn / "identifiability.json").exists()
 
 
-def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system, monkeypatch):
-    stay_in_this_process(monkeypatch)
+@pytest.mark.usefixtures("in_this_process")
+def test_a_drawn_dataset_is_mended_and_resumed_as_it_was(drawn, default_system):
     manifest = read_manifest(drawn)
     victim = drawn / "shards" / manifest.shards[1].file
     victim.unlink()

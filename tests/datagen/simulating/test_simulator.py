@@ -30,38 +30,22 @@ def middle(system):
     return {p.name: float(p.from_unit(0.5)) for p in system.parameters}
 
 
-def test_a_ramp_is_integrated_not_held(simulator):
-    """Persons rise in a straight line over one output step: CO2 follows the exact solution of its linear balance.
+def test_a_ramp_is_integrated_not_held_and_a_step_within_the_hour_is_exact(simulator):
+    """Of persons, over one output step: CO2 follows the exact solution of its linear balance.
 
     A solver that holds its inputs over the step would show no CO2 at all.
     """
-    stop, flow, rate = 3600.0, 0.1, 5.0 / 3600
-    table = constant_inputs(
-        simulator,
-        stop,
-        nPer=Piecewise(np.array([0.0, stop]), np.array([0.0, rate * stop])),
-        mOA_in=Piecewise.constant(flow),
-    )
+    stop, flow, rate, when = 3600.0, 0.1, 5.0 / 3600, 1234.5
+    ramp = Piecewise(np.array([0.0, stop]), np.array([0.0, rate * stop]))
+    step = Piecewise(np.array([0.0, when]), np.array([0.0, 7.0]), "previous")
     parameters = {**middle(simulator.system), "roo.V": VOLUME, "CO2_start": 420.0}
-    found = simulator.run(parameters, table, start=0.0, stop=stop, replay=True, tolerance=1e-9).outputs[1, -1]
     tau = DENSITY * VOLUME / flow
-    rise = parameters["gaiCO2.k"] * rate * tau / (DENSITY * VOLUME) * (stop - tau * (1 - np.exp(-stop / tau)))
-    assert found - 420.0 == pytest.approx(rise * PPM_PER_SHARE, rel=1e-5)
-
-
-def test_a_step_within_the_hour_is_exact(simulator):
-    stop, flow, when = 3600.0, 0.1, 1234.5
-    table = constant_inputs(
-        simulator,
-        stop,
-        nPer=Piecewise(np.array([0.0, when]), np.array([0.0, 7.0]), "previous"),
-        mOA_in=Piecewise.constant(flow),
-    )
-    parameters = {**middle(simulator.system), "roo.V": VOLUME, "CO2_start": 420.0}
-    found = simulator.run(parameters, table, start=0.0, stop=stop, replay=True, tolerance=1e-9).outputs[1, -1]
-    tau = DENSITY * VOLUME / flow
-    rise = 7.0 * parameters["gaiCO2.k"] / flow * (1 - np.exp(-(stop - when) / tau))
-    assert found - 420.0 == pytest.approx(rise * PPM_PER_SHARE, rel=1e-5)
+    of_ramp = rate / flow * (stop - tau * (1 - np.exp(-stop / tau)))
+    of_step = 7.0 / flow * (1 - np.exp(-(stop - when) / tau))
+    for persons, expected in ((ramp, of_ramp), (step, of_step)):
+        table = constant_inputs(simulator, stop, nPer=persons, mOA_in=Piecewise.constant(flow))
+        found = simulator.run(parameters, table, start=0.0, stop=stop, replay=True, tolerance=1e-9).outputs[1, -1]
+        assert found - 420.0 == pytest.approx(parameters["gaiCO2.k"] * expected * PPM_PER_SHARE, rel=1e-5)
 
 
 def test_means_are_means(simulator):

@@ -13,14 +13,16 @@ HERE = Path(__file__).resolve().parent
 
 
 @cache
-def _binary() -> tuple[str, bytes]:
+def _binary(old: str = "", new: str = "") -> tuple[str, bytes]:
     """Its place in the archive and what it is: compiled once in a process."""
-    return compile_binary(BINARIES[native_platform()], {"faulty.c": (HERE / "faulty.c").read_text()}, "faulty")
+    text = (HERE / "faulty.c").read_text()
+    assert old in text, old
+    return compile_binary(BINARIES[native_platform()], {"faulty.c": text.replace(old, new) if old else text}, "faulty")
 
 
-def build(folder: Path) -> Path:
-    """Write ``faulty.fmu`` into a folder."""
-    path, content = _binary()
+def build(folder: Path, change: tuple[str, str] = ("", "")) -> Path:
+    """Write ``faulty.fmu`` into a folder, with one text of its source changed."""
+    path, content = _binary(*change)
     with zipfile.ZipFile(folder / "faulty.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
         archive.writestr(path, content)

@@ -137,7 +137,6 @@ def build(
     folder: Path,
     *,
     attributes: str = "",
-    slow: float = 0.0,
     number: str = "42.5",
     absent: bool = False,
 ) -> Path:
@@ -149,16 +148,14 @@ def build(
         ``me``, ``cs`` or both.
     attributes
         XML attributes of the Co-Simulation element.
-    slow
-        Seconds that an instantiation takes (``faulty`` only).
     number
         Content of the resource file.
     absent
         Whether the library needs another one, libabsent.so, that is not there.
     """
-    place = folder / f"{name}{fmi}{f'-{slow:g}' if slow else ''}{'-absent' if absent else ''}"
-    library = _library(name, fmi, place, slow, absent)
-    variant = f"-{zlib.crc32(f'{attributes}|{slow}|{number}'.encode()):08x}{'-absent' if absent else ''}"
+    place = folder / f"{name}{fmi}{'-absent' if absent else ''}"
+    library = _library(name, fmi, place, absent)
+    variant = f"-{zlib.crc32(f'{attributes}|{number}'.encode()):08x}{'-absent' if absent else ''}"
     path = folder / f"{name}-{fmi}-{'-'.join(kinds)}{variant}.fmu"
     place = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     with zipfile.ZipFile(path, "w") as archive:
@@ -168,7 +165,7 @@ def build(
     return path
 
 
-def _library(name: str, fmi: int, folder: Path, slow: float, absent: bool) -> Path:
+def _library(name: str, fmi: int, folder: Path, absent: bool) -> Path:
     out = folder / f"{name}{fmpy.sharedLibraryExtension}"
     if out.exists():
         return out
@@ -176,7 +173,7 @@ def _library(name: str, fmi: int, folder: Path, slow: float, absent: bool) -> Pa
     (folder / "variables.h").write_text(_header(MODELS[name]), encoding="utf-8")
     compiler = ["gcc"] if shutil.which("gcc") and os.name != "nt" else [sys.executable, "-m", "ziglang", "cc"]
     command = [*compiler, "-std=gnu99", "-O1", "-shared", "-fPIC", "-fvisibility=hidden", f"-DFMI={fmi}"]
-    command += [f'-DMODEL_FILE="{(HERE / name).as_posix()}.c"', f"-DSLOW_INSTANTIATION={slow:g}", f"-I{folder}"]
+    command += [f'-DMODEL_FILE="{(HERE / name).as_posix()}.c"', f"-I{folder}"]
     command += ["-o", str(out), str(HERE / "runtime.c")] + ([] if os.name == "nt" else ["-lm"])
     if absent:
         other = folder / "elsewhere/libabsent.so"

@@ -1,9 +1,6 @@
 /* Decay at rate k until a moment, from when on it misbehaves; the parameter "fault" says how. */
 enum { NONE, ENDS, FAILS, HANGS, NOT_A_NUMBER, DISCARDS, RETURNS_EARLY, NEVER_SETTLES, DIRTY, SLOW, CRASHES, LEAKS, MUTTERS, CHATTERS };
-static int load(Model *m) {
-  if (SLOW_INSTANTIATION && !m->living) wait_seconds(SLOW_INSTANTIATION);
-  return OK;
-}
+static int load(Model *m) { (void)m; return OK; }
 static void begin(Model *m) { m->next = m->v[WHEN]; }
 static int is(Model *m, int fault) { return m->v[FAULT] == fault && m->time >= m->v[WHEN]; }
 static int rates(Model *m, double *dx) {
