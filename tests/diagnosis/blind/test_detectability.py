@@ -17,8 +17,10 @@ HOURS, SLOW = 72.0, {"slow_share": 0.3, "hours": 5.0}
 
 @pytest.fixture(scope="module")
 def simulator(default_system):
-    """Constants are known: the fewer unknowns, the fewer simulations."""
-    return Simulator(default_system.with_experiment(hours=HOURS).model_copy(update={"uncertain": []}))
+    """Constants and some parameters are known: the fewer unknowns, the fewer simulations."""
+    known = {one.name: float(one.from_unit(0.5)) for one in default_system.parameters[5:]}
+    few = {"parameters": default_system.parameters[:5], "fixed": default_system.fixed | known, "uncertain": []}
+    return Simulator(default_system.with_experiment(hours=HOURS).model_copy(update=few))
 
 
 @pytest.fixture(scope="module")
