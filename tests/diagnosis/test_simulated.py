@@ -91,29 +91,6 @@ def test_persons_whom_nobody_counted_are_as_many_as_the_description_expects(
     np.testing.assert_allclose(means, expected, atol=0.1 * expected.max())
 
 
-def damaged(recording, tmp_path, change):
-    data = xr.load_dataset(recording, decode_times=False)
-    change(data)
-    data.to_netcdf(tmp_path / "bad.nc")
-    return tmp_path / "bad.nc"
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            lambda d: d["TDryBul"].values.__setitem__(slice(5, None, 20), np.nan),
-            "stretch without gaps has 19 h .TDryBul",
-        ),
-        (lambda d: d.__delitem__("TDryBul"), "'TDryBul' was not recorded"),
-        (lambda d: d["CO2"].values.fill(400.0), "'CO2' is 400 ppm throughout"),
-    ],
-)
-def test_each_fault_of_a_recording_is_a_sentence(recording, truth, default_system, tmp_path, change, said):
-    with pytest.raises(RecordingError, match=said):
-        residuals(default_system, damaged(recording, tmp_path, change), parameters=truth)
-
-
 @pytest.mark.parametrize("entry", [residuals, calibrate, diagnose])
 def test_a_recording_without_warm_up_is_told_before_anything_is_simulated(
     recording, truth, default_system, monkeypatch, entry

@@ -17,7 +17,6 @@ from diagnosis.fitting.fit import (
     fit,
     joint_cost,
     leapt,
-    renewed,
     swung,
     unknowns_of,
 )
@@ -26,6 +25,7 @@ from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import SimulationError
 from tests.diagnosis.conftest import TRUTH, WARM_UP
+
 
 @pytest.fixture
 def problem_of(house, house_recording):
@@ -151,26 +151,14 @@ def test_an_absence_behind_a_saturated_controller_is_found(room):
     np.testing.assert_allclose(heights[far], other.nuisance.heights(full)[far], atol=0.5)
 
 
-def test_renewing_never_loses_by_leaps(room):
-    z = np.zeros(room.size)
-    truth = unknowns_of(room.nuisance, crowded(room, 1.0))
-    other = room.with_measured(room.simulate(z, room.nuisance.heights(truth)))
-    around = other.linearise(z, unknowns_of(room.nuisance, crowded(room, 0.0)))
-    costs = {}
-    for leaps in (False, True):
-        one = renewed(other, z, around, leaps=leaps)
-        costs[leaps] = joint_cost(other, one.nuisance, one.outputs)
-    assert costs[True] <= costs[False] <= joint_cost(other, around.nuisance, around.outputs)
-
-
-@pytest.mark.parametrize(("kind", "hours"), [("me", 120), ("cs", 72)])
+@pytest.mark.parametrize(("kind", "hours"), [("me", 120), ("cs", 48)])
 def test_a_house_is_recovered(problem_of, kind, hours):
     """The recording is made by another program, the exact recursion; both kinds of FMU find its parameters."""
     found = fit(problem_of(hours, kind))
     assert found.converged
     error = (found.z - found.problem.unknowns(TRUTH)) / found.sd
     assert np.abs(error).max() < 3.5
-    assert found.sd.max() < 0.2
+    assert found.sd.max() < 0.3
     assert found.at_bound == ()
     # less than 1: the heater is a mean over hours to the fit, which cannot know that it was constant within them
     assert 0.05 < np.mean(found.residual**2) < 1.3
@@ -232,7 +220,7 @@ def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, problem_of):
     """A constant bias is a little less insulation: the posterior says so, and tells it where insulation is known."""
     bias = Bias("bias", "degC", scale=0.5)
     found, sure = (
-        fit(problem_of(96, system=system, change=lambda time: 0.4).with_effects([bias]))
+        fit(problem_of(120, system=system, change=lambda time: 0.4).with_effects([bias]))
         for system in (house("me"), knowing(house("me"), "ro"))
     )
     assert abs(found.covariance[-1, 0]) > 0.97 * found.sd[-1] * found.sd[0]
