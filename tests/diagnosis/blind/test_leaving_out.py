@@ -88,8 +88,3 @@ def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():
     assert contenders(one) == ["a", "d"]
     rejected = {"verdict": "none_of_these", "named": [], "chosen": ["b"], "mistaken": 0.6}
     assert contenders(one.model_copy(update=rejected)) == ["a", "b", "d"]  # its fit is what was rejected
-
-
-def test_where_there_is_no_gap_nothing_is_diagnosed_again():
-    said = {"a": 0.3, "b": 0.1}
-    assert contenders(Verdict(verdict="no_gap", probabilities=said, none=0.2, nothing=0.4, mistaken=0.0)) == []

@@ -121,10 +121,9 @@ def test_the_log_is_not_published(default_system, tmp_path, written, capsys):
     assert written == []
 
 
-@pytest.mark.parametrize("hours", ["5", "23"])
-def test_recordings_that_no_diagnosis_would_read_are_not_made(tmp_path, capsys, hours):
-    assert start(app, ["blind", "make", str(tmp_path / "set"), "--recordings", "1", "--hours", hours]) == FAULT
-    assert f"hours is {hours}; expected at least 24" in capsys.readouterr().err
+def test_recordings_that_no_diagnosis_would_read_are_not_made(tmp_path, capsys):
+    assert start(app, ["blind", "make", str(tmp_path / "set"), "--recordings", "1", "--hours", "23"]) == FAULT
+    assert "hours is 23; expected at least 24" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -292,9 +291,8 @@ def test_a_recording_that_no_draw_can_make_is_told(system, tmp_path, monkeypatch
         raise SimulationError(f"stiff at {case.attempt}")
 
     monkeypatch.setattr(Generator, "make_case", fails)
-    with pytest.raises(
-        SimulationError, match=r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
-    ):
+    expected = r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
+    with pytest.raises(SimulationError, match=expected):
         make(system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
 
 
