@@ -44,7 +44,7 @@ keeps a process busy when the others have nothing left to do."""
 TOGETHER = {
     "drifted": ("gap/test_gap.py", "gap/test_page.py", "gap/test_shrinkage.py"),
     "results": ("benchmarking/test_running.py", "benchmarking/test_results.py"),
-    "calibrated": ("calibrating/test_given.py", "calibrating/test_report.py", "calibrating/test_calibration.py"),
+    "calibrated": ("calibrating/test_report.py", "calibrating/test_calibration.py"),
 }
 """Fixtures of a session that take long to make: files that use one of them go to the same process."""
 

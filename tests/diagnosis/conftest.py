@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from shared.system import parse_system
+from tests.diagnosis.fitting.crowd_cases import warm_room
 from tests.house import ROOM_AND_PERSONS
 
 SINCE = {"units": "seconds since 2001-01-01 00:00:00"}
@@ -17,57 +18,22 @@ HOUR = 3600.0
 HOUSE = """
 schema_version = 1
 name = "House"
-fmu = "{fmu}"
-[experiment]
-step = 3600.0
-hours = 240.0
-tolerance = 1e-7
-[estimator]
-channels = ["room"]
-[fixed]
-q = 0.1
-[[parameters]]
-name = "ro"
-unit = "K/kW"
-min = 2.0
-max = 20.0
-scale = "log"
-[[parameters]]
-name = "ri"
-unit = "K/kW"
-min = 0.1
-max = 2.0
-[[parameters]]
-name = "c"
-unit = "kWh/K"
-min = 1.0
-max = 10.0
-scale = "log"
-[[parameters]]
-name = "a"
-unit = "m2"
-min = 0.5
-max = 6.0
-[[inputs]]
-name = "To"
-unit = "degC"
-source = "measured"
-column = "outside"
-[[inputs]]
-name = "S"
-unit = "kW/m2"
-source = "measured"
-column = "sun"
-[[inputs]]
-name = "N"
-unit = "1"
-source = "occupancy"
-[[inputs]]
-name = "P"
-unit = "kW"
-source = "measured"
-column = "heater"
-interpolation = "previous"
+fmu = "house.fmu"
+experiment = { step = 3600.0, hours = 240.0, tolerance = 1e-7 }
+estimator = { channels = ["room"] }
+fixed = { q = 0.1 }
+parameters = [
+  { name = "ro", unit = "K/kW", min = 2.0, max = 20.0, scale = "log" },
+  { name = "ri", unit = "K/kW", min = 0.1, max = 2.0 },
+  { name = "c", unit = "kWh/K", min = 1.0, max = 10.0, scale = "log" },
+  { name = "a", unit = "m2", min = 0.5, max = 6.0 },
+]
+inputs = [
+  { name = "To", unit = "degC", source = "measured", column = "outside" },
+  { name = "S", unit = "kW/m2", source = "measured", column = "sun" },
+  { name = "N", unit = "1", source = "occupancy" },
+  { name = "P", unit = "kW", source = "measured", column = "heater", interpolation = "previous" },
+]
 """
 TRUTH = {"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5}
 WARM_UP = 48.0
@@ -87,7 +53,7 @@ def house(tmp_path_factory):
         if kind not in made:
             fmu = builder.build("house", 2, (kind,), folder, attributes='canHandleVariableCommunicationStepSize="true"')
             toml = folder / f"house-{kind}.toml"
-            toml.write_text(HOUSE.format(fmu=fmu.name) + ROOM_AND_PERSONS, encoding="utf-8")
+            toml.write_text(HOUSE.replace("house.fmu", fmu.name) + ROOM_AND_PERSONS, encoding="utf-8")
             made[kind] = parse_system(toml.read_text(encoding="utf-8"), toml)
         return made[kind]
 
@@ -156,3 +122,9 @@ def house_recorded():
 def house_recording(house_recorded, tmp_path):
     """``house_recording(hours, persons, ...)``: such a recording in the test's own folder."""
     return partial(house_recorded, tmp_path)
+
+
+@pytest.fixture(scope="session")
+def warm(tmp_path_factory):
+    """Simulator and recording of a room that is warm enough for its persons to open a window; nobody changes them."""
+    return warm_room(tmp_path_factory.mktemp("warm") / "room.nc")

@@ -12,72 +12,27 @@ schema_version = 1
 name = "Hall"
 fmu = "none.fmu"
 estimator = { channels = ["warmth"] }
-[experiment]
-step = 3600.0
-hours = 336.0
-[[parameters]]
-name = "breath"
-unit = "kg/s"
-min = 8e-6
-max = 1.2e-5
-[[parameters]]
-name = "air"
-unit = "m3"
-min = 150.0
-max = 300.0
-[[parameters]]
-name = "draught"
-unit = "kg/s"
-min = 0.05
-max = 0.5
-[[inputs]]
-name = "outside"
-unit = "degC"
-source = "weather"
-column = "temp_air"
-[[inputs]]
-name = "shine"
-unit = "W/m2"
-source = "weather"
-column = "poa_global"
-[[inputs]]
-name = "fresh"
-unit = "ppm"
-source = "constant"
-value = 420.0
-[[inputs]]
-name = "heads"
-unit = "1"
-source = "occupancy"
-[[inputs]]
-name = "wish"
-unit = "degC"
-source = "schedule"
-schedule = "wish"
-[[outputs]]
-name = "warmth"
-unit = "degC"
-accuracy = 0.01
-noise.sensor = { sd = 0.1 }
-[[outputs]]
-name = "breathed"
-unit = "ppm"
-accuracy = 1.0
-noise.sensor = { sd = 10.0 }
-[[outputs]]
-name = "fan"
-unit = "kg/s"
-accuracy = 0.001
-method = "mean"
-[[sources]]
-name = "breath"
-unit = "kg/s"
-input = "heads"
-per = "breath"
-[weather]
-files = ["pvlib:723170TYA.CSV"]
-[schedules.wish]
-weekday = [[0.0, 20.0]]
+experiment = { step = 3600.0, hours = 336.0 }
+parameters = [
+  { name = "breath", unit = "kg/s", min = 8e-6, max = 1.2e-5 },
+  { name = "air", unit = "m3", min = 150.0, max = 300.0 },
+  { name = "draught", unit = "kg/s", min = 0.05, max = 0.5 },
+]
+inputs = [
+  { name = "outside", unit = "degC", source = "weather", column = "temp_air" },
+  { name = "shine", unit = "W/m2", source = "weather", column = "poa_global" },
+  { name = "fresh", unit = "ppm", source = "constant", value = 420.0 },
+  { name = "heads", unit = "1", source = "occupancy" },
+  { name = "wish", unit = "degC", source = "schedule", schedule = "wish" },
+]
+outputs = [
+  { name = "warmth", unit = "degC", accuracy = 0.01, noise = { sensor = { sd = 0.1 } } },
+  { name = "breathed", unit = "ppm", accuracy = 1.0, noise = { sensor = { sd = 10.0 } } },
+  { name = "fan", unit = "kg/s", accuracy = 0.001, method = "mean" },
+]
+sources = [{ name = "breath", unit = "kg/s", input = "heads", per = "breath" }]
+weather = { files = ["pvlib:723170TYA.CSV"] }
+schedules = { wish = { weekday = [[0.0, 20.0]] } }
 [occupancy]
 headcount = [5, 20]
 arrival = [7.0, 9.0]

@@ -51,7 +51,7 @@ def test_before_a_simulator_is_built(refused, command, options, said):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--context", "500"], "is 96 h long; expected at least 836 h"),
+        (["--context", "500"], "is 96 h long; expected at least 836 h: --context"),
         (["--context", "48", "--ahead", "24", "--calibration", "empty"], "calibration.json: no such file"),
     ],
 )

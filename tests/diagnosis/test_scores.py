@@ -1,8 +1,9 @@
-"""Scores of a simulation worked by hand."""
+"""Scores of a simulation worked by hand, and units that people read."""
 
 import numpy as np
 import pytest
 
+from diagnosis.curves import readable
 from diagnosis.scores import score
 
 
@@ -21,3 +22,11 @@ def test_scores_by_hand():
     assert found.steps == 3
     assert found.cvrmse == pytest.approx(np.sqrt(1.25 / 2) / (874 / 3))
     assert found.nmbe == pytest.approx(0.5 / 2 / (874 / 3))
+
+
+def test_differences_of_temperature_stay_in_kelvin():
+    swing = np.array([-0.5, 0.0, np.nan, 0.5])
+    assert readable(swing, "K")[1] == "K"
+    np.testing.assert_array_equal(readable(swing, "K")[0], swing)
+    warm, unit = readable(np.array([293.15, np.nan]), "K")
+    assert unit == "°C" and warm[0] == pytest.approx(20.0)

@@ -199,8 +199,8 @@ def files(folder):
 
 def one_after_another(jobs, workers, limit, tell):
     """In place of processes, which see no patch of ours."""
-    import diagnosis.blind.running as working
+    import diagnosis.blind.running as running
 
     for job in jobs:
-        working.work(job)
+        running.work(job)
         tell()

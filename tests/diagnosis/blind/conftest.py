@@ -3,7 +3,6 @@
 import pytest
 
 import diagnosis.blind.running as running
-import diagnosis.blind.running as working
 from diagnosis.blind.truth import default_truth, load_truth
 from tests.diagnosis.blind.blind_cases import hand_set
 
@@ -17,7 +16,6 @@ def truth(default_system):
 def one_program(monkeypatch):
     """Sources may be edited while tests run; what a run makes of that has a test of its own."""
     monkeypatch.setattr(running, "program", lambda: "program")
-    monkeypatch.setattr(working, "program", lambda: "program")
 
 
 @pytest.fixture

@@ -34,14 +34,6 @@ def test_two_causes_that_cannot_act_together_are_refused_before_anything_is_made
         Generator(system, fewer, hours=24.0)
 
 
-def test_the_first_of_two_causes_has_one_that_goes_with_it(default_system, truth):
-    system, fewer = only(default_system, truth, "window.warm", "window.airing", "plug")
-    effects = library(system)
-    drawn = [draw_case(fewer, effects, 1, index) for index in range(60)]
-    assert any(one.stratum == "two" for one in drawn)
-    assert all(len(one.causes) == 2 for one in drawn if one.stratum == "two")
-
-
 def recording(steps):
     about = {"units": "seconds since 2001-01-01 00:00:00", "calendar": "standard"}
     values = np.sin(np.arange(steps)).astype(np.float32)
@@ -98,9 +90,9 @@ def generator(default_system, truth):
 def test_strata_come_as_often_as_declared_and_every_candidate_has_its_turn(default_system, truth):
     effects = library(default_system)
     block = len(truth.strata.order)
-    cases = [draw_case(truth, effects, 5, index) for index in range(20 * block)]
+    cases = [draw_case(truth, effects, 5, index) for index in range(10 * block)]
     counted = Counter(case.stratum for case in cases)
-    assert counted == {name: 20 * count for name, count in truth.strata.model_dump().items()}
+    assert counted == {name: 10 * count for name, count in truth.strata.model_dump().items()}
     plain = Counter(case.causes[0].label for case in cases if case.stratum == "library")
     assert set(plain) == {effect.name for effect in effects}
     assert max(plain.values()) - min(plain.values()) <= 1
@@ -170,12 +162,9 @@ def test_no_building_is_as_described(generator, truth, default_system):
 @pytest.mark.parametrize(
     ("name", "amplitude", "channel", "sign"),
     [
-        ("massive bridge", 120.0, "QHea", 1),
         ("short circuit at high flow", 0.9, "CO2", 1),
         ("fan off on most nights", 1.0, "mOA", -1),
-        ("flow meter with a curve", 0.5, "mOA", 1),
         ("sensor.CO2.bias", 150.0, "CO2", 1),
-        ("heat recovery", 0.8, "QHea", -1),
         ("window.warm", 1.0, "TRoo", None),
     ],
 )

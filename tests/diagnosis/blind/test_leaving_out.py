@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 import diagnosis.blind.running as running
-import diagnosis.blind.running as working
-from diagnosis.blind.running import run
-from diagnosis.blind.verdicts import read_withheld
+from diagnosis.blind.running import contenders, run
+from diagnosis.blind.verdicts import Verdict, read_withheld
 from diagnosis.cli import app
 from shared.console import OK, PARTLY, start
 from tests.diagnosis.blind.blind_cases import HandJudge, files, one_after_another
@@ -47,16 +46,16 @@ def stopped(blind_set, tmp_path):
     """A job that was stopped between its two candidates."""
     (tmp_path / "asked").mkdir()
     listed = json.loads((blind_set / "manifest.json").read_text())["recordings"][0]
-    job = working.Job(Stopped(tmp_path / "asked"), blind_set, tmp_path / "out", listed, leave_one_out=True)
+    job = running.Job(Stopped(tmp_path / "asked"), blind_set, tmp_path / "out", listed, leave_one_out=True)
     with pytest.raises(KeyboardInterrupt):
-        working.work(job)
+        running.work(job)
     assert read_withheld(job.results, "recordings/0000.nc") is None  # no score takes it for whole
     return job
 
 
 def test_a_recording_that_was_stopped_goes_on_with_the_candidates_that_are_left(stopped):
     reached = json.loads((stopped.results / "without" / "0000.part").read_text())["outcomes"]["a"]
-    working.work(replace(stopped, judge=HandJudge()))
+    running.work(replace(stopped, judge=HandJudge()))
     again = read_withheld(stopped.results, "recordings/0000.nc").outcomes
     assert (list(again), again["b"].answer) == (["a", "b"], "none_of_these")
     assert again["a"].model_dump(mode="json") == reached  # how long it took, too
@@ -79,3 +78,13 @@ def test_a_diagnosis_that_fails_with_an_effect_withheld_is_told(
     assert start(app, [*words, "--leave-one-out", "--json"]) == PARTLY
     told = json.loads(capsys.readouterr().out)
     assert (told["withheld"], told["withheld_failed"]) == (4, 2)
+
+
+def test_what_every_candidate_has_alike_is_no_reason_to_diagnose_again():
+    """Of four candidates the evidence points to one; that it is mistaken gives each of them five per cent more."""
+    said = {"a": 0.55, "b": 0.05, "c": 0.05, "d": 0.07}
+    one = Verdict(verdict="effect", probabilities=said, none=0.25, nothing=0.04, mistaken=0.49, named=["a"])
+    assert one.pointed == pytest.approx({"a": 0.5, "b": 0.0, "c": 0.0, "d": 0.02})
+    assert contenders(one) == ["a", "d"]
+    rejected = {"verdict": "none_of_these", "named": [], "chosen": ["b"], "mistaken": 0.6}
+    assert contenders(one.model_copy(update=rejected)) == ["a", "b", "d"]  # its fit is what was rejected

@@ -19,7 +19,6 @@ from diagnosis.recording import read_recording
 from shared.console import FAULT, start
 from shared.errors import RecordingError, SimulationError
 from shared.lock import FolderLock
-from shared.system import system_from_canonical
 from tests.diagnosis.blind.blind_cases import length_at_once, prepare_quickly
 
 
@@ -54,8 +53,11 @@ def test_a_folder_with_anything_in_it_stays_as_it_is(default_system, tmp_path, w
     assert written == []
 
 
-def test_a_call_that_was_stopped_goes_on_only_in_what_it_had_published(default_system, tmp_path, written, monkeypatch):
-    stray = "recordings/0000.nc"
+def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(
+    default_system, tmp_path, written, monkeypatch
+):
+    """Only where nothing else lies in its folder, and the answers are those that it would seal."""
+    stray, sealed = "recordings/0000.nc", tmp_path / "set.answers.json"
 
     def stopped(*_):
         raise KeyboardInterrupt
@@ -68,10 +70,20 @@ def test_a_call_that_was_stopped_goes_on_only_in_what_it_had_published(default_s
     with pytest.raises(RecordingError, match=r"set: is not empty; expected a new folder"):
         make(default_system, tmp_path / "set", recordings=2)
     (tmp_path / "set" / stray).unlink()
+    made = sealed.read_bytes()
+    sealed.write_bytes(made.replace(b'"salt":', b'"pepper":'))
+    with pytest.raises(RecordingError, match=r"expected a new f(ile for the answers|older)$"):
+        make(default_system, tmp_path / "set", recordings=2)
+    sealed.write_bytes(made)
     make(default_system, tmp_path / "set", recordings=2)
     assert written == [0, 1]
     assert contents(tmp_path / "set") == {**kept, "manifest.json": contents(tmp_path / "set")["manifest.json"]}
+    assert sealed.read_bytes() == made
     assert sorted(path.name for path in tmp_path.iterdir()) == ["set", "set.answers.json"]
+    with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
+        make(default_system, tmp_path / "set", recordings=2)
+    with pytest.raises(RecordingError, match="which is published"):
+        make(default_system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1)
 
 
 def test_two_calls_are_not_at_one_set(default_system, tmp_path, written):
@@ -109,10 +121,9 @@ def test_the_log_is_not_published(default_system, tmp_path, written, capsys):
     assert written == []
 
 
-@pytest.mark.parametrize("hours", ["5", "23"])
-def test_recordings_that_no_diagnosis_would_read_are_not_made(tmp_path, capsys, hours):
-    assert start(app, ["blind", "make", str(tmp_path / "set"), "--recordings", "1", "--hours", hours]) == FAULT
-    assert f"hours is {hours}; expected at least 24" in capsys.readouterr().err
+def test_recordings_that_no_diagnosis_would_read_are_not_made(tmp_path, capsys):
+    assert start(app, ["blind", "make", str(tmp_path / "set"), "--recordings", "1", "--hours", "23"]) == FAULT
+    assert "hours is 23; expected at least 24" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -148,10 +159,6 @@ def answers(blind_set):
     return open_answers(*blind_set)
 
 
-def published_files(folder):
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-
-
 def test_hash_is_published_and_holds(blind_set, answers, tmp_path):
     folder, sealed = blind_set
     manifest = read_manifest(folder)
@@ -174,7 +181,7 @@ def test_hash_is_published_and_holds(blind_set, answers, tmp_path):
 
 def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, answers, system, truth):
     folder, sealed = blind_set
-    assert published_files(folder) == ["manifest.json", *(f"recordings/{k:04}.nc" for k in range(COUNT))]
+    assert sorted(contents(folder)) == ["manifest.json", *(f"recordings/{k:04}.nc" for k in range(COUNT))]
     assert folder not in sealed.parents
     assert not sealed.with_name(f"{sealed.name}.part").exists()
     manifest = read_manifest(folder)
@@ -185,15 +192,12 @@ def test_nothing_but_recordings_and_their_conditions_is_published(blind_set, ans
     assert all(set(one) == {"file", "sha256", "occupancy", "replay"} for one in manifest["recordings"])
     words = [effect.name for effect in library(system)] + [form.name for form in truth.forms]
     words += ["stratum", "amplitude", "salt", str(answers["seed"]), answers["salt"]]
-    for file in published_files(folder):
-        content = (folder / file).read_bytes()
+    for file, content in contents(folder).items():
         for word in words:
             if word.isdigit() and len(word) < 6:
                 continue  # a short number is in any file
-            assert f"{word}".encode() not in content or word in {"plug", "mixing", "clock", "bridge", "glare"}, (
-                file,
-                word,
-            )
+            known = word in {"plug", "mixing", "clock", "bridge", "glare"}
+            assert word.encode() not in content or known, (file, word)
 
 
 def test_size_attributes_order_and_times_follow_the_public_conditions_alone(blind_set, answers):
@@ -239,8 +243,6 @@ def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interrupti
 ):
     folder, sealed = blind_set
     again = tmp_path / "again"
-    import diagnosis.blind.make as module
-
     written, write_one = [], module.write_one
 
     def stopped(generator, seed, index, part):
@@ -257,29 +259,11 @@ def test_the_same_seed_gives_the_same_bytes_in_any_order_and_after_an_interrupti
     with pytest.raises(RecordingError, match="begun with other settings"):
         make(system, again, recordings=COUNT, seed=SEED + 1, hours=HOURS)
     make(system, again, recordings=COUNT, hours=HOURS)
-    assert published_files(again) == published_files(folder)
-    for file in published_files(folder):
-        assert (again / file).read_bytes() == (folder / file).read_bytes()
+    assert contents(again) == contents(folder)
     assert again.with_name("again.answers.json").read_bytes() == sealed.read_bytes()
 
 
-def changed(system, **fields):
-    """A system with other fields than that of the file."""
-    raw = json.loads(system.canonical())
-    for name, values in fields.items():
-        raw[name] = [*values] if isinstance(values, list) else raw[name] | values
-    return system_from_canonical(json.dumps(raw), system.path)
-
-
-@pytest.fixture(scope="module")
-def two(system, tmp_path_factory):
-    """A set of two recordings that nothing disturbed: its sealed answers."""
-    folder = tmp_path_factory.mktemp("two") / "set"
-    make(system, folder, recordings=2, seed=SEED, hours=48.0)
-    return open_answers(folder, folder.with_name("set.answers.json"))["recordings"]
-
-
-def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_path, monkeypatch):
+def test_what_cannot_be_simulated_is_drawn_anew_and_counted(answers, system, tmp_path, monkeypatch):
     failed = []
 
     def fails_late(_, path, answer, *__):
@@ -289,9 +273,10 @@ def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_pat
         return length_at_once(_, path, answer)
 
     monkeypatch.setattr("diagnosis.blind.make.detectability", fails_late)
-    make(system, tmp_path / "set", recordings=2, seed=SEED, hours=48.0)
+    make(system, tmp_path / "set", recordings=2, seed=SEED, hours=HOURS)
     assert len(failed) == 2
-    before, after = two, open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
+    before = answers["recordings"][:2]
+    after = open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
     assert after[0] == before[0]
     assert [one["attempt"] for one in after] == [0, 2]
     assert after[1]["stratum"] == before[1]["stratum"]
@@ -301,62 +286,20 @@ def test_what_cannot_be_simulated_is_drawn_anew_and_counted(two, system, tmp_pat
     read_recording(tmp_path / "set" / after[1]["file"], system)
 
 
-@pytest.fixture(scope="module")
-def singles(system, tmp_path_factory):
-    """Sets of one recording that nothing disturbed, of two seeds."""
-    folders = [tmp_path_factory.mktemp("single") / name for name in ("whole", "other")]
-    for folder, seed in zip(folders, (SEED, SEED + 1), strict=True):
-        make(system, folder, recordings=1, seed=seed, hours=48.0)
-    return folders
-
-
-def test_a_set_that_is_sealed_and_not_published_is_finished_by_the_same_call(singles, system, tmp_path, monkeypatch):
-    def stopped(*_):
-        raise KeyboardInterrupt
-
-    sets = [singles[0], tmp_path / "set", singles[1]]
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr("diagnosis.blind.make.publish", stopped)
-        make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
-    whole, again, other = (folder.with_name(f"{folder.name}.answers.json") for folder in sets)
-    made = again.read_bytes()
-    again.write_bytes(other.read_bytes())  # sealed, but not what this call would seal
-    with pytest.raises(RecordingError, match=r"expected a new f(ile for the answers|older)$"):
-        make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
-    again.write_bytes(made)
-    make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
-    assert published_files(sets[1]) == published_files(sets[0])
-    for file in published_files(sets[0]):
-        assert (sets[1] / file).read_bytes() == (sets[0] / file).read_bytes()
-    assert again.read_bytes() == whole.read_bytes()
-    assert not again.with_name(f"{again.name}.part").exists()
-    with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
-        make(system, sets[1], recordings=1, seed=SEED, hours=48.0)
-
-
 def test_a_recording_that_no_draw_can_make_is_told(system, tmp_path, monkeypatch):
     def fails(self, case):
         raise SimulationError(f"stiff at {case.attempt}")
 
     monkeypatch.setattr(Generator, "make_case", fails)
-    with pytest.raises(
-        SimulationError, match=r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
-    ):
+    expected = r"truth\.toml: recording 0 of this seed .* none of its 5 draws; .* draw: stiff at 4"
+    with pytest.raises(SimulationError, match=expected):
         make(system, tmp_path / "set", recordings=1, seed=SEED, hours=48.0)
 
 
 @pytest.mark.slow
-def test_two_processes_make_the_same(blind_set, system, tmp_path):
+def test_a_process_apart_makes_the_same(blind_set, system, tmp_path):
     """And a set of other length has the same recordings: each depends on the seed and its number alone."""
     folder, _ = blind_set
-    make(system, tmp_path / "two", recordings=2, seed=SEED, hours=HOURS, workers=2)
-    for file in ("recordings/0000.nc", "recordings/0001.nc"):
-        assert (tmp_path / "two" / file).read_bytes() == (folder / file).read_bytes()
-
-
-def test_a_folder_is_not_written_over_and_answers_stay_outside(blind_set, system, tmp_path):
-    folder, _ = blind_set
-    with pytest.raises(RecordingError, match="holds a blind set; expected a new folder"):
-        make(system, folder, answers=tmp_path / "a.json", recordings=1, hours=HOURS)
-    with pytest.raises(RecordingError, match="which is published"):
-        make(system, tmp_path / "x", answers=tmp_path / "x" / "a.json", recordings=1, hours=HOURS)
+    make(system, tmp_path / "one", recordings=1, seed=SEED, hours=HOURS, workers=2)
+    file = "recordings/0000.nc"
+    assert (tmp_path / "one" / file).read_bytes() == (folder / file).read_bytes()

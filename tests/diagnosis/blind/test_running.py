@@ -15,6 +15,7 @@ import diagnosis.blind.running as running
 from diagnosis.blind.make import make
 from diagnosis.blind.running import run
 from diagnosis.blind.scoring import score
+from diagnosis.blind.sealed import open_answers
 from diagnosis.blind.verdicts import read_outcome, read_run, read_withheld
 from diagnosis.cli import app
 from shared.console import FAULT, OK, PARTLY, STOPPED, start
@@ -29,32 +30,27 @@ def answers_of(results, count=3):
     return [read_outcome(results, f"recordings/{k:04}.nc").answer for k in range(count)]
 
 
-def test_one_verdict_for_each_recording_with_its_public_conditions(blind_set, default_system, tmp_path):
-    asked, told = tmp_path / "asked", []
+def test_one_verdict_for_each_recording_and_what_is_there_is_not_made_again(blind_set, default_system, tmp_path):
+    """With its public conditions; one that fails has an outcome."""
+    asked, told, out = tmp_path / "asked", [], tmp_path / "out"
     asked.mkdir()
     made = run(
-        default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(asked),
-        progress=lambda *one: told.append(one),
-    )  # fmt: skip
-    assert files(tmp_path / "out") == ["run.json", *(f"verdicts/{k:04}.json" for k in range(3))]
-    assert answers_of(tmp_path / "out") == ["effect", "no_gap", "effect"]
+        default_system, blind_set, out, workers=0, judge=HandJudge(asked), progress=lambda *one: told.append(one)
+    )
+    assert files(out) == ["run.json", *(f"verdicts/{k:04}.json" for k in range(3))]
+    assert answers_of(out) == ["effect", "no_gap", "effect"]
     assert sorted(path.read_text() for path in asked.iterdir()) == ["False measured", "False measured", "True measured"]
     assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
-    assert read_run(tmp_path / "out") == made
+    assert read_run(out) == made
     assert made.library == [one.name for one in default_system.effects]
     assert [one.name for one in made.parameters] == default_system.parameter_names
-
-
-def test_a_run_goes_on_where_it_stopped(blind_set, default_system, tmp_path):
-    asked = tmp_path / "asked"
-    asked.mkdir()
-    out = tmp_path / "out"
-    run(default_system, blind_set, out, workers=0, judge=HandJudge(asked))
     (out / "verdicts" / "0001.json").unlink()
     kept = (out / "verdicts" / "0000.json").read_bytes()
-    run(default_system, blind_set, out, workers=0, judge=HandJudge(asked))
+    run(default_system, blind_set, out, workers=0, judge=HandJudge(asked, fails=("0001",)))
     assert sorted(path.stem for path in asked.iterdir()) == ["0000", "0001", "0001", "0002"]
     assert (out / "verdicts" / "0000.json").read_bytes() == kept
+    failed = read_outcome(out, "recordings/0001.nc")
+    assert (failed.answer, failed.failure) == ("failed", "ValueError: cannot judge this")
 
 
 def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tmp_path, monkeypatch):
@@ -72,6 +68,30 @@ def test_another_run_of_the_same_folder_is_refused(blind_set, default_system, tm
     monkeypatch.setattr(running, "program", lambda: "another")
     with pytest.raises(RecordingError, match="program was 'program'; expected 'another'"):
         run(default_system, blind_set, out, workers=0, judge=HandJudge())
+
+
+def test_a_program_that_changes_while_it_runs_is_noticed(blind_set, default_system, tmp_path, monkeypatch):
+    programs = iter(["first", "first", "first", "first", "second"])  # of the run, of each verdict, of the run's end
+    monkeypatch.setattr(running, "program", lambda: next(programs))
+    with pytest.raises(RecordingError, match="source changed while it ran"):
+        run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge())
+
+
+def test_a_verdict_of_another_program_is_not_one_of_the_run_s(default_system, tmp_path, monkeypatch):
+    """Source that was changed and changed back while it ran."""
+    blind_set, answers = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0])
+    programs = iter(["program", "program", "another", "program", "program"])
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "program", lambda: next(programs))
+        said = r"0001\.json: program is another, the run's program; .* of one program"
+        with pytest.raises(RecordingError, match=said):
+            run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    with pytest.raises(RecordingError, match=r"0001\.json: program is another"):
+        score(blind_set, answers, out)
+    (out / "verdicts" / "0001.json").unlink()
+    run(default_system, blind_set, out, workers=0, judge=HandJudge())
+    score(blind_set, answers, out)
 
 
 @pytest.mark.parametrize("limit", [0.0, float("nan")])
@@ -101,20 +121,12 @@ def test_an_estimator_that_is_none_is_told_before_a_folder_is_begun(blind_set, d
     assert not out.exists()
 
 
-def test_a_recording_that_fails_has_an_outcome(blind_set, default_system, tmp_path):
-    run(default_system, blind_set, tmp_path / "out", workers=0, judge=HandJudge(fails=("0001",)))
-    failed = read_outcome(tmp_path / "out", "recordings/0001.nc")
-    assert (failed.answer, failed.failure) == ("failed", "ValueError: cannot judge this")
-    assert answers_of(tmp_path / "out") == ["effect", "failed", "effect"]
-
-
 @pytest.mark.slow
-def test_processes_that_die_or_hang_lose_one_recording_each(default_system, tmp_path, monkeypatch):
+def test_processes_that_die_or_hang_lose_one_recording_each(blind_set, default_system, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "check_program", lambda *_: None)  # each process finds the program that there is
-    folder, _ = hand_set(tmp_path / "set", default_system, [3.0, 0.0, 3.0, 0.0])
     judge = HandJudge(dies=("0001",), hangs=("0002",))
-    run(default_system, folder, tmp_path / "out", workers=2, judge=judge, limit=20.0, leave_one_out=True)
-    assert answers_of(tmp_path / "out", 4) == ["effect", "failed", "failed", "no_gap"]
+    run(default_system, blind_set, tmp_path / "out", workers=2, judge=judge, limit=20.0, leave_one_out=True)
+    assert answers_of(tmp_path / "out") == ["effect", "failed", "failed"]
     assert read_outcome(tmp_path / "out", "recordings/0001.nc").failure == "its process ended with code 17"
     assert "longer than 20 s" in read_outcome(tmp_path / "out", "recordings/0002.nc").failure
     assert set(read_withheld(tmp_path / "out", "recordings/0000.nc").outcomes) == {"a", "b"}
@@ -129,15 +141,16 @@ from shared.console import start
 from tests.diagnosis.blind.blind_cases import HandJudge
 running.program = lambda: "program"
 running.check_program = lambda *_: None  # workers do not know this one
-running.Diagnoser = lambda *_: HandJudge(hangs=("0001", "0002"))
+running.Diagnoser = lambda *_: HandJudge(hangs=("0001",))
 sys.exit(start(app, sys.argv[1:]))
 """
 
 
 @pytest.mark.slow
-def test_ctrl_c_fails_no_recording_and_says_how_to_go_on(blind_set, default_system, tmp_path, monkeypatch):
-    """The terminal sends it to every process of the run; it is no failure of the recordings under way."""
-    words = ["blind", "run", str(default_system.path), str(blind_set), "--out", str(tmp_path / "out"), "--workers", "2"]
+def test_ctrl_c_fails_no_recording_and_says_how_to_go_on(default_system, tmp_path, monkeypatch):
+    """The terminal sends it to every process of the run; it is no failure of the recording under way."""
+    folder, _ = hand_set(tmp_path / "set", default_system, [3.0, 0.0])
+    words = ["blind", "run", str(default_system.path), str(folder), "--out", str(tmp_path / "out"), "--workers", "2"]
     root = Path(__file__).resolve().parents[3]
     settings = {"cwd": root, "env": {**os.environ, "PYTHONPATH": str(root)}, "text": True}
     child = subprocess.Popen(
@@ -164,7 +177,7 @@ def test_ctrl_c_fails_no_recording_and_says_how_to_go_on(blind_set, default_syst
     monkeypatch.setattr(running, "_side_by_side", one_after_another)
     monkeypatch.setattr(running, "check_program", lambda *_: None)
     assert start(app, words) == OK
-    assert answers_of(tmp_path / "out") == ["effect", "no_gap", "effect"]
+    assert answers_of(tmp_path / "out", 2) == ["effect", "no_gap"]
 
 
 OPENED = """
@@ -236,16 +249,21 @@ def test_commands(blind_set, default_system, tmp_path, capsys, monkeypatch):
 
 @pytest.mark.slow
 def test_the_diagnosis_itself_judges_a_set_whose_answers_lie_elsewhere(default_system, tmp_path):
-    """End to end on one short recording with few candidates; while it runs there are no answers on the machine."""
+    """End to end on one short recording with few candidates and parameters; meanwhile there are no answers here."""
     withheld = [one.name for one in default_system.effects[3:]]
-    make(default_system, tmp_path / "set", recordings=1, seed=8, hours=24.0)
+    known = {one.name: float(one.from_unit(0.5)) for one in default_system.parameters[3:]}
+    few = {"parameters": default_system.parameters[:3], "fixed": default_system.fixed | known, "uncertain": []}
+    system = default_system.model_copy(update=few)
+    make(system, tmp_path / "set", recordings=1, seed=8, hours=24.0)
+    (made,) = open_answers(tmp_path / "set", tmp_path / "set.answers.json")["recordings"]
+    assert made["detectability"]["length"] > 0.0
     answers = (tmp_path / "set.answers.json").read_bytes()
     (tmp_path / "set.answers.json").unlink()
-    run(default_system, tmp_path / "set", tmp_path / "out", workers=0, without=withheld)
+    run(system, tmp_path / "set", tmp_path / "out", workers=0, without=withheld)
     outcome = read_outcome(tmp_path / "out", "recordings/0000.nc")
     assert outcome.failure == ""
     assert outcome.verdict is not None
-    assert set(outcome.verdict.parameters) == set(default_system.parameter_names)
+    assert set(outcome.verdict.parameters) == set(system.parameter_names)
     (tmp_path / "set.answers.json").write_bytes(answers)
     done = score(tmp_path / "set", tmp_path / "set.answers.json", tmp_path / "out", out=tmp_path / "score.html")
     assert done.recordings == 1

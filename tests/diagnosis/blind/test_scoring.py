@@ -61,12 +61,16 @@ def cases():
     ]  # fmt: skip
 
 
+def written(root, ones, **run):
+    """Set, answers and results of cases."""
+    folder, answers = write_set(root / "set", ones)
+    return folder, answers, write_results(root / "results", folder, ones, **run)
+
+
 @pytest.fixture(scope="module")
 def scored(tmp_path_factory):
     root = tmp_path_factory.mktemp("scored")
-    folder, answers = write_set(root / "set", cases())
-    results = write_results(root / "results", folder, cases())
-    return score(folder, answers, results, out=root / "score.html"), root
+    return score(*written(root, cases()), out=root / "score.html"), root
 
 
 def line(done, *words):
@@ -136,8 +140,7 @@ def test_what_can_be_seen_is_that_of_the_whole_set_however_few_recordings_are_sc
     walls = [Case("none", truth="no_gap", room=3.0, length=length, verdict=QUIET) for length in [3.0] + [0.5] * 24]
     between = [Case("library", ("a",), room=2.0, length=6.0, verdict=said("a")) for _ in range(2)]
     ones = [*walls[:4], *between, *walls[4:]]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones)
+    folder, answers, results = written(tmp_path, ones)
     for first, expected in ((5, 1), (6, 2), (None, 2)):
         assert line(score(folder, answers, results, first=first), "of the library").n == expected
 
@@ -150,8 +153,7 @@ def test_an_effect_that_is_withheld_is_none_of_these(tmp_path):
         Case("library", ("b",), room=3.0, length=LONG, verdict=said("b")),
         Case("none", truth="no_gap", length=1.0, verdict=QUIET),
     ]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones)
+    folder, answers, results = written(tmp_path, ones)
     for k, outcomes in enumerate([{"a": NONE, "b": said("a")}, {"a": said("b")}, {}, {"b": None}, {}]):
         first = read_outcome(results, f"recordings/{k:04}.nc")
         made = {
@@ -174,8 +176,7 @@ def test_what_was_withheld_from_the_whole_run_is_none_of_these(tmp_path):
         Case("form", ("a",), room=3.0, length=LONG, verdict=said("b")),
         Case("two", ("a", "b"), room=3.0, length=LONG, verdict=said("b")),
     ]
-    folder, answers = write_set(tmp_path / "set", ones)
-    results = write_results(tmp_path / "results", folder, ones, library=("b", "c"), without=("a",))
+    folder, answers, results = written(tmp_path, ones, library=("b", "c"), without=("a",))
     done = score(folder, answers, results)
     assert (line(done, "no candidate describes").hits, line(done, "no candidate describes").n) == (1, 2)
     assert done.answers["withheld"]["effect"] == done.answers["withheld"]["none_of_these"] == 1
@@ -201,11 +202,9 @@ def test_a_place_where_no_page_can_be_is_told_before_anything_is_opened(tmp_path
     (tmp_path / "taken").write_text("a file")
     (tmp_path / "folder").mkdir()
     monkeypatch.setattr("diagnosis.blind.scoring.open_answers", lambda *_: pytest.fail("the answers were opened"))
-    folder, answers = write_set(tmp_path / "set", cases()[:1])
-    results = write_results(tmp_path / "results", folder, cases()[:1])
-    with pytest.raises(
-        RecordingError, match=r"taken is a file; expected a folder|folder: is a folder; expected a name"
-    ):
+    folder, answers, results = written(tmp_path, cases()[:1])
+    expected = r"taken is a file; expected a folder|folder: is a folder; expected a name"
+    with pytest.raises(RecordingError, match=expected):
         score(folder, answers, results, out=tmp_path / where)
 
 
@@ -224,8 +223,7 @@ def test_verdicts_of_another_set_and_incomplete_ones_are_refused(scored, tmp_pat
 
 
 def test_a_run_that_was_stopped_is_scored_as_far_as_it_came(scored, tmp_path):
-    folder, answers = write_set(tmp_path / "set", cases())
-    results = write_results(tmp_path / "results", folder, cases())
+    folder, answers, results = written(tmp_path, cases())
     for verdict in sorted((results / "verdicts").glob("*.json"))[5:]:
         verdict.unlink()
     done = score(folder, answers, results, first=5, out=tmp_path / "score.html")

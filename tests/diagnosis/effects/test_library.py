@@ -7,18 +7,12 @@ import numpy as np
 import pytest
 
 from datagen.driving.tables import Piecewise
+from diagnosis.app.project import as_toml
 from diagnosis.effects import Nothing, library
 from diagnosis.effects.library import check_baselines
 from diagnosis.fitting.problem import Problem
 from shared.errors import SimulationError, SystemDescriptionError
 from shared.system import parse_system
-from tests.diagnosis.fitting.crowd_cases import warm_room
-
-
-@pytest.fixture(scope="module")
-def warm(tmp_path_factory):
-    """Simulator and recording."""
-    return warm_room(tmp_path_factory.mktemp("own") / "room.nc")
 
 
 def warmer(inputs, amount):
@@ -146,24 +140,21 @@ def test_parameters_that_cannot_be_set_are_refused_before_anything_is_simulated(
 def test_wrong_declarations_are_refused_with_a_sentence(default_system, change, sentence):
     text = default_system.path.read_text(encoding="utf-8")
     one = {"name": "mine", "unit": "1", "scale": 1.0, "lower": 0.0, "upper": 2.0, **change}
-    lines = "\n".join(f"{k} = {_toml(v)}" for k, v in one.items())
     with pytest.raises(SystemDescriptionError, match=sentence):
-        library(parse_system(f"{text}\n[[effects]]\n{lines}\n", default_system.path))
+        library(parse_system(f"{text}\n{as_toml({'effects': [one]})}", default_system.path))
 
 
-def _toml(value):
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f'"{k}" = {_toml(v)}' for k, v in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return f'"{value}"' if isinstance(value, str) else str(value)
-
-
-def test_packages_add_their_own(default_system, monkeypatch):
+@pytest.fixture
+def made(monkeypatch):
+    """Effects of a package."""
     made = [Nothing("mine")]
     monkeypatch.setattr(EntryPoint, "load", lambda self: lambda system: made)
     entry = EntryPoint("mine", "package:effects", "zeroshot_fmu.effects")
     monkeypatch.setattr(import_module("diagnosis.effects.library"), "entry_points", lambda group: [entry])
+    return made
+
+
+def test_packages_add_their_own(default_system, made):
     assert library(default_system)[-1].name == "mine"
     made[:] = [Nothing("plug")]
     with pytest.raises(SystemDescriptionError, match="'plug' is declared twice"):
@@ -182,9 +173,7 @@ def test_packages_add_their_own(default_system, monkeypatch):
         ({"scale": "1 K"}, "expected numbers"),
     ],
 )
-def test_a_package_gives_no_effect_without_a_scale_and_a_range_about_zero(default_system, monkeypatch, given, expected):
-    monkeypatch.setattr(EntryPoint, "load", lambda self: lambda system: [Nothing("mine", **given)])
-    entry = EntryPoint("mine", "package:effects", "zeroshot_fmu.effects")
-    monkeypatch.setattr(import_module("diagnosis.effects.library"), "entry_points", lambda group: [entry])
+def test_a_package_gives_no_effect_without_a_scale_and_a_range_about_zero(default_system, made, given, expected):
+    made[:] = [Nothing("mine", **given)]
     with pytest.raises(SystemDescriptionError, match="'mine'.*package:effects.*'mine' .*" + expected):
         library(default_system)

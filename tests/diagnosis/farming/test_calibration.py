@@ -12,22 +12,9 @@ from diagnosis.gap.verdict import NONE, NOTHING, decide, probabilities
 from shared.errors import RecordingError
 
 NAMES = tuple(f"candidate.{k}" for k in range(6))
-ABOUT = {
-    "system": "room",
-    "system_hash": "-",
-    "fmu_sha256": "-",
-    "uncertain_sha256": "-",
-    "candidates_sha256": "-",
-    "version": "0",
-    "hours": 168.0,
-    "noise": "sensor",
-    "seed": 3,
-}
-TRUE = {
-    "nothing": {"one": 1.0, "best": -0.5, "gap": -1.5},
-    "none": {"one": -1.0, "left": 0.6},
-    "power": 0.4,
-}
+HASHES = ("system_hash", "fmu_sha256", "uncertain_sha256", "candidates_sha256")
+ABOUT = dict.fromkeys(HASHES, "-") | {"system": "room", "version": "0", "hours": 168.0, "noise": "sensor", "seed": 3}
+TRUE = {"nothing": {"one": 1.0, "best": -0.5, "gap": -1.5}, "none": {"one": -1.0, "left": 0.6}, "power": 0.4}
 
 
 def rows(count, seed):
@@ -37,19 +24,15 @@ def rows(count, seed):
     for index in range(count):
         gap = rng.random() < 0.6
         values = np.sort(rng.normal(10.0 if gap else -2.0, 6.0, len(NAMES)))[::-1]
+        plain = {"converged": True, "gap": gap, "searched": True, "beside": {}, "rejected": False, "p_values": {}}
         evidence = Evidence(
             replay=bool(rng.random() < 0.3),
             counted=bool(rng.random() < 0.5),
-            converged=True,
-            gap=gap,
-            searched=True,
             candidates=dict(zip(rng.permutation(NAMES).tolist(), values.tolist(), strict=True)),
-            beside={},
             chosen=(),
-            rejected=False,
             before=float(rng.exponential(20.0)),
             left=float(rng.exponential(5.0)),
-            p_values={},
+            **plain,
         )
         evidence = replace(evidence, chosen=(next(iter(evidence.candidates)),) if gap else ())
         chance = probabilities(evidence, **TRUE)
@@ -61,7 +44,7 @@ def rows(count, seed):
 
 
 def test_weights_that_made_the_rows_are_found_again():
-    weights = fitted(rows(3000, seed=1))
+    weights = fitted(rows(2000, seed=1))
     assert np.exp(weights[0]) == pytest.approx(TRUE["power"], rel=0.15)
     nothing = dict(zip(NOTHING, weights[1 : 1 + len(NOTHING)].tolist(), strict=True))
     none = dict(zip(NONE, weights[1 + len(NOTHING) :].tolist(), strict=True))
@@ -75,24 +58,19 @@ def test_weights_that_made_the_rows_are_found_again():
 
 @pytest.fixture(scope="module")
 def by():
-    """A verdict that is calibrated by 1,500 rows."""
-    return calibrated(Rows(ABOUT, rows(1500, seed=2)))
+    """A verdict that is calibrated by 1,000 rows."""
+    return calibrated(Rows(ABOUT, rows(1000, seed=2)))
 
 
 def test_limits_hold_on_rows_that_took_no_part(by):
     """Sets hold in 90 %, and what is told of alarms and names is so of others, by the binomial spread."""
-    others = rows(1500, seed=4)
-    done = [decide(row.evidence, by) for row in others]
-    alarms = [one.verdict != "no_gap" for one, row in zip(done, others, strict=True) if row.stratum == "none"]
+    done = [(decide(row.evidence, by), row) for row in rows(1500, seed=4)]
+    alarms = [one.verdict != "no_gap" for one, row in done if row.stratum == "none"]
     assert by.answers.alarms.true == pytest.approx(np.mean(alarms), abs=2 / np.sqrt(by.answers.alarms.count))
-    caused = [
-        (one, row)
-        for one, row in zip(done, others, strict=True)
-        if one.verdict in ("effect", "ambiguous") and row.stratum != "none"
-    ]
+    caused = [(one, row) for one, row in done if one.verdict in ("effect", "ambiguous") and row.stratum != "none"]
     held = [one.or_none if row.stratum == "outside" else row.true[0] in one.named for one, row in caused]
     assert np.mean(held) > COVER - 0.05
-    named = [any(name in row.true for name in one.named) for one, row in zip(done, others, strict=True) if one.named]
+    named = [any(name in row.true for name in one.named) for one, row in done if one.named]
     assert by.answers.named.true == pytest.approx(np.mean(named), abs=2 / np.sqrt(by.answers.named.count))
 
 

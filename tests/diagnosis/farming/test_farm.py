@@ -118,7 +118,7 @@ def test_a_recording_is_made_and_diagnosed(threads, default_system, tmp_path):
     known = {one.name: float(one.from_unit(0.5)) for one in default_system.parameters[3:]}
     few = default_system.model_copy(
         update={
-            "effects": default_system.effects[:4],
+            "effects": default_system.effects[:2],
             "parameters": default_system.parameters[:3],
             "fixed": default_system.fixed | known,
             "uncertain": [],

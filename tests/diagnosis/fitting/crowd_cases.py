@@ -23,19 +23,8 @@ def warm_room(path):
 
 def on_persons(system, operation, factor=1.0, shape=()):
     """A user's effect on the persons."""
-    spec = InputEffect(
-        name="persons",
-        kind="input",
-        unit="1",
-        input="nPer",
-        operation=operation,
-        factor=factor,
-        shape=list(shape),
-        scale=0.5,
-        lower=-0.9,
-        upper=4.0,
-    )
-    return build(spec, system)
+    on = {"name": "persons", "kind": "input", "unit": "1", "input": "nPer", "scale": 0.5, "lower": -0.9, "upper": 4.0}
+    return build(InputEffect(operation=operation, factor=factor, shape=list(shape), **on), system)
 
 
 def as_counted(problem, recording, level):

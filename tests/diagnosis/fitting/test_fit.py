@@ -17,7 +17,6 @@ from diagnosis.fitting.fit import (
     fit,
     joint_cost,
     leapt,
-    renewed,
     swung,
     unknowns_of,
 )
@@ -27,21 +26,38 @@ from diagnosis.recording import HOUR, read_recording
 from shared.errors import SimulationError
 from tests.diagnosis.conftest import TRUTH, WARM_UP
 
-WARM = {"warm_up": WARM_UP * HOUR}
+
+@pytest.fixture
+def problem_of(house, house_recording):
+    """``problem_of(hours, ...)``: of a house whose recording another program made; ``change`` comes to its readings."""
+
+    def made(hours, kind="me", *, system=None, change=None, sd=None, occupancy=None, **recording):
+        noise = {} if sd is None else {"noise": sd}
+        record = read_recording(house_recording(hours=hours, **noise, **recording), house(kind))
+        record.outputs[0] += 0.0 if change is None else change(record.time)
+        options = {"known": ["history"], "warm_up": WARM_UP * HOUR, "occupancy": occupancy}
+        options["noise"] = "sensor" if sd is None else np.array([sd])
+        return Problem(Simulator(system or house(kind)), record, **options)
+
+    return made
 
 
-def test_slope_is_the_difference_of_determinants(house, house_recording):
-    system = house("me")
-    record = read_recording(house_recording(hours=48, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", known=["history"], **WARM)
-    problem = problem.with_nuisance(problem.nuisance.only(~problem.nuisance.turns))
-    z = problem.unknowns({"ro": 7.0, "ri": 0.6, "c": 4.0, "a": 2.5})
-    around = problem.linearise(z)
+def check_slope(problem, z, around):
+    """The slope of the determinant is that of its differences."""
     found = determinant(problem, around)
     for k, name in enumerate(problem.names):
         width = 0.1 * np.eye(problem.size)[k]
         up, down = (problem.linearise(z + sign * width).marginal.logdet for sign in (1, -1))
         assert found.slope[k] == pytest.approx((up - down) / 0.4, rel=0.15, abs=0.3), name
+    return found
+
+
+def test_slope_is_the_difference_of_determinants(problem_of):
+    problem = problem_of(48, count=False, occupancy="unknown")
+    problem = problem.with_nuisance(problem.nuisance.only(~problem.nuisance.turns))
+    z = problem.unknowns(TRUTH)
+    around = problem.linearise(z)
+    found = check_slope(problem, z, around)
     assert np.abs(found.slope).max() > 5
     # the level multiplies every answer: B / dz = sd B, and all products are known
     level = problem.nuisance.levels[0]
@@ -52,24 +68,18 @@ def test_slope_is_the_difference_of_determinants(house, house_recording):
 
 
 @pytest.mark.parametrize("every", [1, 3])
-def test_persons_that_were_counted_count_too(house, house_recording, every):
+def test_persons_that_were_counted_count_too(problem_of, every):
     """What is not known of when they came within the hour can be imitated better by some unknowns than by others.
 
     With more unknowns of the nuisance than readings, and with fewer.
     """
-    system = house("me")
-    record = read_recording(house_recording(hours=48), system)
-    problem = Problem(Simulator(system), record, known=["history"], **WARM)
+    problem = problem_of(48)
     problem = problem.with_nuisance(problem.nuisance.only(np.arange(problem.nuisance.size) % every == 0))
-    around = problem.linearise(np.zeros(problem.size))
+    z = np.zeros(problem.size)
+    around = problem.linearise(z)
     rows, unknowns = around.marginal.by_unknown.shape
     assert (rows < unknowns) == (every == 1)
-    found = determinant(problem, around)
-    for k, name in enumerate(problem.names):
-        width = 0.1 * np.eye(problem.size)[k]
-        up, down = (problem.linearise(sign * width).marginal.logdet for sign in (1, -1))
-        assert found.slope[k] == pytest.approx((up - down) / 0.4, rel=0.15, abs=0.3), name
-    assert np.abs(found.slope).max() > 5 / every
+    assert np.abs(check_slope(problem, z, around).slope).max() > 5 / every
 
 
 def _rounds(optimum, count: int) -> list[np.ndarray]:
@@ -141,43 +151,31 @@ def test_an_absence_behind_a_saturated_controller_is_found(room):
     np.testing.assert_allclose(heights[far], other.nuisance.heights(full)[far], atol=0.5)
 
 
-def test_renewing_never_loses_by_leaps(room):
-    z = np.zeros(room.size)
-    truth = unknowns_of(room.nuisance, crowded(room, 1.0))
-    other = room.with_measured(room.simulate(z, room.nuisance.heights(truth)))
-    around = other.linearise(z, unknowns_of(room.nuisance, crowded(room, 0.0)))
-    costs = {}
-    for leaps in (False, True):
-        one = renewed(other, z, around, leaps=leaps)
-        costs[leaps] = joint_cost(other, one.nuisance, one.outputs)
-    assert costs[True] <= costs[False] <= joint_cost(other, around.nuisance, around.outputs)
-
-
-@pytest.mark.parametrize(("kind", "hours", "least"), [("me", 240, 0.2), ("cs", 72, 0.05)])
-def test_a_house_is_recovered(house, house_recording, kind, hours, least):
+@pytest.mark.parametrize(("kind", "hours"), [("me", 120), ("cs", 48)])
+def test_a_house_is_recovered(problem_of, kind, hours):
     """The recording is made by another program, the exact recursion; both kinds of FMU find its parameters."""
-    system = house(kind)
-    record = read_recording(house_recording(hours=hours), system)
-    found = fit(Problem(Simulator(system), record, known=["history"], **WARM))
+    found = fit(problem_of(hours, kind))
     assert found.converged
     error = (found.z - found.problem.unknowns(TRUTH)) / found.sd
     assert np.abs(error).max() < 3.5
-    assert found.sd.max() < 0.2
+    assert found.sd.max() < 0.3
     assert found.at_bound == ()
     # less than 1: the heater is a mean over hours to the fit, which cannot know that it was constant within them
-    assert least < np.mean(found.residual**2) < 1.3
+    assert 0.05 < np.mean(found.residual**2) < 1.3
 
 
-def test_the_posterior_is_that_of_a_grid(house, house_recording):
-    """One unknown at a time is free; its posterior is summed over a grid, without any linearisation."""
-    system = house("me")
-    record = read_recording(house_recording(hours=48, noise=0.3), system)
-    free = next(one for one in system.parameters if one.name == "a")
-    others = [one for one in system.parameters if one.name != "a"]
-    alone = system.model_copy(
-        update={"parameters": [free], "fixed": {**system.fixed, **{one.name: TRUTH[one.name] for one in others}}}
+def knowing(system, *names):
+    """The system with the true values of some of its parameters."""
+    free = [one for one in system.parameters if one.name not in names]
+    return system.model_copy(
+        update={"parameters": free, "fixed": {**system.fixed, **{name: TRUTH[name] for name in names}}}
     )
-    problem = Problem(Simulator(alone), record, noise=np.array([0.3]), known=["history"], **WARM)
+
+
+def test_the_posterior_is_that_of_a_grid(house, problem_of):
+    """One unknown is free; its posterior is summed over a grid, without any linearisation."""
+    alone = knowing(house("me"), "ro", "ri", "c")
+    problem = problem_of(48, system=alone, sd=0.3)
     problem = problem.with_nuisance(problem.nuisance.only(np.zeros(problem.nuisance.size, dtype=bool)))
     found = fit(problem)
     grid = np.linspace(-3, 3, 301)
@@ -206,12 +204,9 @@ class Jump(Nothing):
         return outputs + amplitude * (time > time.mean())
 
 
-def test_an_effect_joins_the_unknowns(house, house_recording):
+def test_an_effect_joins_the_unknowns(problem_of):
     """A bias of 0.4 K that comes with the second half is found together with the parameters, as large as it is."""
-    system = house("me")
-    record = read_recording(house_recording(hours=120), system)
-    record.outputs[0] += 0.4 * (record.time > record.time.mean())
-    problem = Problem(Simulator(system), record, known=["history"], **WARM)
+    problem = problem_of(72, change=lambda time: 0.4 * (time > time.mean()))
     problem = problem.with_effects([Jump("bias", "degC", scale=0.5)])
     assert problem.names[-1] == "bias"
     found = fit(problem)
@@ -221,41 +216,34 @@ def test_an_effect_joins_the_unknowns(house, house_recording):
     assert problem.with_effects([]).names == list(TRUTH)
 
 
-def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, house_recording):
+def test_a_bias_that_the_insulation_imitates_is_not_claimed(house, problem_of):
     """A constant bias is a little less insulation: the posterior says so, and tells it where insulation is known."""
-    system = house("me")
-    record = read_recording(house_recording(hours=120), system)
-    record.outputs[0] += 0.4
     bias = Bias("bias", "degC", scale=0.5)
-    found = fit(Problem(Simulator(system), record, known=["history"], **WARM).with_effects([bias]))
+    found, sure = (
+        fit(problem_of(120, system=system, change=lambda time: 0.4).with_effects([bias]))
+        for system in (house("me"), knowing(house("me"), "ro"))
+    )
     assert abs(found.covariance[-1, 0]) > 0.97 * found.sd[-1] * found.sd[0]
     assert found.sd[-1] > 0.4
     assert abs(found.z[-1] - 0.4 / 0.5) < 3 * found.sd[-1]
-    rest = [one for one in system.parameters if one.name != "ro"]
-    known = system.model_copy(update={"parameters": rest, "fixed": {**system.fixed, "ro": TRUTH["ro"]}})
-    sure = fit(Problem(Simulator(known), record, known=["history"], **WARM).with_effects([bias]))
     assert sure.sd[-1] < 0.2
     assert abs(sure.z[-1] - 0.4 / 0.5) < 3.5 * sure.sd[-1]
 
 
-def test_held_out_readings_do_not_count(house, house_recording):
-    system = house("me")
-    record = read_recording(house_recording(hours=96), system)
-    problem = Problem(Simulator(system), record, known=["history"], **WARM)
+def test_held_out_readings_do_not_count(problem_of):
+    problem = problem_of(48)
     half = np.zeros(problem.observed.shape, dtype=bool)
-    half[:, :48] = True
+    half[:, :24] = True
     damaged = problem.with_measured(np.where(half, problem.measured, 1e6)).with_observed(half)
     whole = problem.with_observed(half)
     z = problem.unknowns(TRUTH)
     np.testing.assert_array_equal(damaged.residuals(z), whole.residuals(z))
-    assert len(whole.residuals(z)) == 48
+    assert len(whole.residuals(z)) == 24
 
 
-def test_bounds_are_flagged(house, house_recording):
+def test_bounds_are_flagged(problem_of):
     """A house with four times the glass that the range allows."""
-    system = house("me")
-    record = read_recording(house_recording(hours=72, values={"a": 20.0}), system)
-    assert "a" in fit(Problem(Simulator(system), record, known=["history"], **WARM)).at_bound
+    assert "a" in fit(problem_of(48, values={"a": 20.0})).at_bound
 
 
 @pytest.mark.slow
@@ -272,7 +260,7 @@ def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
         half_hours = -WARM_UP * HOUR + 1800 * np.arange(192)
         crowd = np.mean([persons.at(half_hours + 60 * k) for k in range(30)], axis=0)
         record = read_recording(house_recording(48, seed=seed, persons=crowd, values=values, count=False), system)
-        found = fit(Problem(simulator, record, **WARM))
+        found = fit(Problem(simulator, record, warm_up=WARM_UP * HOUR))
         errors.append((found.z[:4] - z) / found.sd[:4])
     errors = np.array(errors)
     assert 0.6 < np.sqrt(np.mean(errors**2)) < 1.5
@@ -280,10 +268,9 @@ def test_errors_are_as_large_as_the_posterior_says(house, house_recording):
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_a_start_that_cannot_be_simulated_is_left_for_another(house, house_recording, monkeypatch, first):
+def test_a_start_that_cannot_be_simulated_is_left_for_another(problem_of, monkeypatch, first):
     """Its derivatives cannot either: what a solver asks for before its first step."""
-    system = house("me")
-    problem = Problem(Simulator(system), read_recording(house_recording(hours=48), system), known=["history"], **WARM)
+    problem = problem_of(48)
     place = problem.names.index("c")
     bad = problem.unknowns(TRUTH)
     bad[place] += 2.0

@@ -16,7 +16,7 @@ from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import read_recording
 from shared.errors import SystemDescriptionError
 from shared.system import load_system, system_from_canonical
-from tests.diagnosis.fitting.crowd_cases import HALF_HOUR, as_counted, on_persons, warm_room
+from tests.diagnosis.fitting.crowd_cases import HALF_HOUR, as_counted, on_persons
 
 
 @pytest.fixture(scope="module")
@@ -55,19 +55,18 @@ def test_what_cannot_be_multiplied_is_told(room):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("replay", [False, True])
-def test_finer_walls_do_not_bend_the_parameters(room, simulator, replay, tmp_path):
+def test_finer_walls_do_not_bend_the_parameters(room, simulator, tmp_path):
     """With held constants, what coarse walls do wrong is taken for solar gain and U-value."""
     path = tmp_path / "room.nc"
     data = simulate(room, seed=4000, index=5, out=path)
     record = read_recording(path, room)
     walls = load_truth(default_truth(room), room).described(room).with_experiment(step=record.step, hours=168.0)
-    truth = Problem(Simulator(walls), record, occupancy="measured", replay=replay, known=["constants"])
+    truth = Problem(Simulator(walls), record, occupancy="measured", known=["constants"])
     values = {name: float(data[name]) for name in room.parameter_names}
     finer = truth.simulate(truth.unknowns(values))
     off = {}
     for uncertain, known in ((False, ["constants"]), (True, [])):
-        problem = Problem(simulator, record, occupancy="measured", replay=replay, known=known)
+        problem = Problem(simulator, record, occupancy="measured", known=known)
         z = problem.unknowns(values)
         gap = problem.with_measured(np.where(problem.observed, finer, np.nan))
         left, jacobian = gap.residuals(z), -gap.jacobian(z, central=True)
@@ -82,12 +81,6 @@ FORGOTTEN = 48 * 3600.0
 """After so long the room has forgotten who was there before the recording, to two per cent of any effect [s]."""
 MOVED = np.array([0.05, 2.0])
 """What any of the effects moves at least, root mean square [K, ppm]: far above the integrator's error."""
-
-
-@pytest.fixture(scope="module")
-def warm(tmp_path_factory):
-    """Simulator and recording."""
-    return warm_room(tmp_path_factory.mktemp("warm") / "room.nc")
 
 
 def effects(system):

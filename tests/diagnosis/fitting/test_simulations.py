@@ -170,21 +170,6 @@ def test_when_the_time_is_up_nothing_more_is_simulated_but_what_completes_an_ans
     assert runner.asked == 1
 
 
-def test_it_tells_every_half_minute_what_is_done_and_what_is_left(monkeypatch, caplog):
-    now = [0.0]
-    monkeypatch.setattr("diagnosis.fitting.simulations.time.monotonic", lambda: now[0])
-    caplog.set_level("INFO")
-    made = Simulations(Counting(), spans={"fitting": (0.0, 0.5)})
-    made.stage("fitting")
-    for k in range(1, 121):
-        now[0] += 1.0
-        made.reached(k / 120)
-        made.map([a_run(float(k))])
-    said = caplog.messages
-    assert said[0] == "fitting" and len(said) == 4
-    assert said[-1] == "fitting (92 simulations, 93 s so far, roughly 2 min left)"
-
-
 def test_without_a_worker_there_is_no_runner():
     refused = pytest.raises(ClusterError, match="workers is 0; expected at least 1")
     with refused, side_by_side(None, workers=0):
@@ -193,7 +178,6 @@ def test_without_a_worker_there_is_no_runner():
 
 @pytest.mark.slow
 def test_both_are_not_given_to_a_fit(house, house_recording, tmp_path, capsys):
-    house("me")
     words = [str(house("me").path), str(house_recording(hours=48)), "--out", str(tmp_path / "out")]
     for command in ("calibrate", "run"):
         assert start(app, [command, *words, "--workers", "4", "--scheduler", "tcp://127.0.0.1:1"]) == FAULT
@@ -208,11 +192,10 @@ def test_the_same_outputs_wherever_they_are_simulated(house, house_recording):
     system = house("me")
     record = read_recording(house_recording(hours=24), system)
     simulator = Simulator(system)
-    cases = [(np.full(4, z), None) for z in (-1.0, 1.0)]
 
     def outputs(runner):
         problem = Problem(simulator, record, known=["history"], runner=runner)
-        return np.stack(problem.simulate_all([(z, problem.nuisance.mean) for z, _ in cases]))
+        return problem.simulate_all([(np.ones(4), problem.nuisance.mean)])[0]  # more would take more processes
 
     with side_by_side(simulator) as runner:
         alone = outputs(runner)

@@ -8,31 +8,14 @@ from shared.effects import InputEffect, SensorEffect
 
 def candidates(system):
     """Errors of the room sensor, and of the outdoor temperature."""
-    common = {"outputs": ["room"], "kind": "sensor"}
+    common, swing = {"outputs": ["room"], "kind": "sensor"}, {"form": "diurnal", "peak": 3.0}
+    drift = {"name": "drift", "unit": "K", "scale": 1.0, "lower": -8.0, "upper": 8.0, "description": "It drifts"}
+    daily = {"name": "swing", "unit": "K", "scale": 1.0, "lower": -5.0, "upper": 5.0, "kind": "input", "input": "To"}
     specs = [
-        SensorEffect(
-            name="drift",
-            unit="K",
-            operation="drift",
-            scale=1.0,
-            lower=-8.0,
-            upper=8.0,
-            description="It drifts",
-            **common,
-        ),
+        SensorEffect(operation="drift", **drift, **common),
         SensorEffect(name="lag", unit="h", operation="lag", factor=3600.0, scale=1.0, lower=0.0, upper=8.0, **common),
         SensorEffect(name="gain", unit="1", operation="gain", about=20.0, scale=0.1, lower=-0.6, upper=0.6, **common),
-        InputEffect(
-            name="swing",
-            kind="input",
-            unit="K",
-            input="To",
-            operation="add",
-            shape=[{"form": "diurnal", "peak": 3.0}],
-            scale=1.0,
-            lower=-5.0,
-            upper=5.0,
-        ),
+        InputEffect(operation="add", shape=[swing], **daily),
     ]
     return [build(one, system) for one in specs]
 

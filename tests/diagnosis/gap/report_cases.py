@@ -12,32 +12,13 @@ def seen(**smallest):
 
 
 def named(name, probability=0.9, *, answer=True, amplitude=2.0, kind="parameter"):
-    return NamedEffect(
-        name=name,
-        description=f"The {name} leaks",
-        kind=kind,
-        probability=probability,
-        named=answer,
-        amplitude=amplitude,
-        low=1.0,
-        high=3.0,
-        unit="W",
-    )
+    size = {"amplitude": amplitude, "low": 1.0, "high": 3.0, "unit": "W", "description": f"The {name} leaks"}
+    return NamedEffect(name=name, kind=kind, probability=probability, named=answer, **size)
 
 
 def source(name, verdict, mean):
-    return SourceOf(
-        name=name,
-        description=f"missing {name}",
-        unit="W",
-        mean=mean,
-        peak=2 * mean,
-        gain=9.0,
-        p_value=0.005,
-        rival="room",
-        balance=5.0,
-        verdict=verdict,
-    )
+    size = {"unit": "W", "mean": mean, "peak": 2 * mean, "gain": 9.0, "p_value": 0.005}
+    return SourceOf(name=name, description=f"missing {name}", rival="room", balance=5.0, verdict=verdict, **size)
 
 
 def place(channel, kind="cell", text="room: measured higher"):
@@ -46,44 +27,20 @@ def place(channel, kind="cell", text="room: measured higher"):
 
 WORTH = Count(what="answers", low=0, high=1, count=50, said=0.9, true=0.8)
 CALIBRATED = CalibratedBy(
-    system="room",
-    made="2026-01-01",
-    seed=7,
-    hours=168.0,
-    noise="sensor",
+    **{"system": "room", "made": "2026-01-01", "seed": 7, "hours": 168.0, "noise": "sensor"},
     strata={"none": 50, "listed": 50},
     answers=Answers(alarms=WORTH.model_copy(update={"true": 0.04}), named=WORTH, outside=WORTH),
 )
 
-BARE = {
-    "verdict": "effect",
-    "occupancy": "measured",
-    "replay": False,
-    "replayed": [],
-    "detectability": [],
-    "sources": [],
-    "sources_unknown": {},
-    "effects": [],
-    "excluded": {},
-    "sets": [],
-    "parameters": [],
-    "dropped": [],
-    "converged": True,
-    "converged_after": None,
-    "mistaken": 0.1,
-    "assumed": {},
-    "rejected": False,
-    "unlike": False,
-    "or_none": False,
-    "gap": True,
-    "balance": "none",
-    "shrinkage": [],
-    "chosen_apart": True,
-    "where": [],
-    "stages": [None],
-    "calibrated": CALIBRATED,
-    "uncalibrated": "",
-}
+LISTS = ("detectability", "sources", "effects", "sets", "parameters", "dropped", "shrinkage", "where", "replayed")
+BARE = (
+    {name: [] for name in LISTS}
+    | {name: {} for name in ("sources_unknown", "excluded", "assumed")}
+    | dict.fromkeys(("replay", "rejected", "unlike", "or_none"), False)
+    | dict.fromkeys(("converged", "gap", "chosen_apart"), True)
+    | {"verdict": "effect", "occupancy": "measured", "converged_after": None, "mistaken": 0.1, "balance": "none"}
+    | {"stages": [None], "calibrated": CALIBRATED, "uncalibrated": ""}
+)
 
 
 def report(**fields):
@@ -92,18 +49,8 @@ def report(**fields):
 
 def stage(p_value, where_p, effects=()):
     """``best`` is of the part that is fitted, the p-values are of all readings: they may be of different candidates."""
-    return StageOf(
-        effects=list(effects),
-        best="fan",
-        strongest="fan",
-        ratio=5.0,
-        evidence=2.0,
-        p_value=p_value,
-        misfit_p=0.9,
-        where_p=where_p,
-        episode_p=0.5,
-        left_over=0.0,
-    )
+    found = {"best": "fan", "strongest": "fan", "ratio": 5.0, "evidence": 2.0, "misfit_p": 0.9, "episode_p": 0.5}
+    return StageOf(effects=list(effects), p_value=p_value, where_p=where_p, left_over=0.0, **found)
 
 
 def constant(name, before, after):

@@ -11,16 +11,14 @@ from scipy.stats import multivariate_normal, norm
 
 from diagnosis.effects.base import Nothing
 from diagnosis.gap.evidence import evidence_before
-from diagnosis.gap.grams import AMPLITUDE, Colours, Grams
+from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.limits import smallest
 from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
 from diagnosis.gap.stages import PLAIN
 from diagnosis.gap.twins import draw_twins
-from tests.diagnosis.gap.test_linear import HOUR, covariance_of, problem_of, seen
+from tests.diagnosis.gap.test_linear import HOUR, SURE, WHITE, dense, problem_of, seen, stacked
 
-WHITE = (1.0, 0.0, HOUR)
-SURE = Colours({0: WHITE, 1: WHITE}, {k: [(WHITE, 1.0)] for k in (0, 1)}, 0.0)
 BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-0.3, 0.3), (-3.0, 0.2)]
 
 
@@ -87,16 +85,9 @@ def test_the_evidence_of_a_refit_is_over_the_amplitudes_that_it_may_have(bounds,
     colours = {0: (1.0, 0.5, 5 * HOUR), 1: WHITE}
     found = Refit(lin, grams, 0.0, np.ones(3), True).evidence_with(colours)
     # the amplitude by brute force, all others integrated out
-    inner = np.concatenate([lin.by_nuisance, lin.by_unknown[..., :2]], axis=2)
+    rows, spread = dense(lin, observed, colours, lin.by_nuisance, lin.by_unknown[..., :2])
+    along = stacked(observed, lin.by_unknown[..., 2])
     reach = np.linspace(*np.clip([-8.0, 8.0], *bounds), 4001)
-    noise = [covariance_of(colours[k], lin.problem.time[observed[k]]) for k in range(2)]
-    columns = np.concatenate([inner[k, observed[k]] for k in range(2)])
-    spread = columns @ columns.T
-    first = len(noise[0])
-    spread[:first, :first] += noise[0]
-    spread[first:, first:] += noise[1]
-    rows = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)])
-    along = np.concatenate([lin.by_unknown[k, observed[k], 2] for k in range(2)])
     values = multivariate_normal(np.zeros(len(rows)), spread).logpdf(rows - reach[:, None] * along)
     prior = norm(0, AMPLITUDE)
     values = values + prior.logpdf(reach) - np.log(prior.cdf(bounds[1]) - prior.cdf(bounds[0]))

@@ -70,20 +70,16 @@ def test_a_further_effect_must_leave_clearly_less(left_over, worth_it):
 
 
 @pytest.mark.parametrize(
-    ("candidate", "misfits", "episodic", "discrepancy", "p", "confirmed", "expected"),
+    ("seen", "p", "confirmed", "expected"),
     [
-        (False, False, False, False, 0.5, True, False),
-        (True, False, False, False, 0.5, True, True),
-        (True, False, False, False, 0.5, False, False),  # no refit shows what the straight line does
-        (False, True, False, False, 0.5, False, True),
-        (False, False, True, True, 0.5, True, True),
-        (False, False, False, True, 0.01, True, True),  # a place, where a discrepancy is plausible, too
-        (False, False, False, True, 0.015, True, False),
-        (False, False, False, False, 0.01, True, False),
+        ("candidate_found", 0.5, True, True),
+        ("candidate_found", 0.5, False, False),  # no refit shows what the straight line does
+        ("misfits", 0.5, False, True),
+        ("discrepancy", 0.01, True, True),  # a place, where a discrepancy is plausible, too
+        ("discrepancy", 0.015, True, False),
+        ("", 0.01, True, False),
     ],
 )
-def test_a_gap_is_told_by_a_candidate_a_misfit_a_stretch_or_a_place(
-    candidate, misfits, episodic, discrepancy, p, confirmed, expected
-):
-    one = SimpleNamespace(candidate_found=candidate, misfits=misfits, episodic=episodic, discrepancy=discrepancy)
-    assert gap_found(one, p, confirmed) is expected
+def test_a_gap_is_told_by_a_candidate_a_misfit_or_a_place(seen, p, confirmed, expected):
+    names = ("candidate_found", "misfits", "episodic", "discrepancy")
+    assert gap_found(SimpleNamespace(**{name: name == seen for name in names}), p, confirmed) is expected

@@ -11,7 +11,7 @@ from diagnosis.gap.page import LINES, render
 from diagnosis.gap.schema import Report
 from diagnosis.recording import read_recording
 from tests.diagnosis.conftest import WARM_UP
-from tests.diagnosis.gap.gap_cases import candidates, changed
+from tests.diagnosis.gap.gap_cases import candidates, changed, drifting
 
 
 @pytest.mark.slow
@@ -21,8 +21,8 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     assert [one.name for one in report.effects if one.named] == ["drift"]
     first = report.effects[0]
     assert first.low < 3.0 < first.high
-    # no narrower than if all but the drift were known: 3.29 * 0.05 K / sqrt(sum of (hours / 720)^2 = 24.28)
-    assert 0.033 < first.high - first.low < 0.4
+    # no narrower than if all but the drift were known: 3.29 * 0.05 K / sqrt(sum of (hours / 720)^2 = 8.83)
+    assert 0.055 < first.high - first.low < 0.6
     assert first.probability > 0.5
     (room,) = report.shrinkage
     assert room.share > 0.8 > room.placebo
@@ -52,7 +52,7 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
 @pytest.mark.slow
 def test_without_a_gap_none_is_reported(house, house_recording):
     system = house("me")
-    done = diagnose(system, house_recording(hours=168, seed=4), effects=candidates(system), warm_up=WARM_UP)
+    done = diagnose(system, house_recording(hours=120, seed=4), effects=candidates(system), warm_up=WARM_UP)
     report = done.report
     assert report.verdict == "no_gap", report.stages
     page = " ".join(render(done).split())
@@ -76,3 +76,36 @@ def test_a_cause_that_is_not_among_the_candidates_is_none_of_these(house, house_
     assert done.evidence.gap and done.evidence.candidates and min(done.evidence.candidates.values()) >= 0.0
     assert report.none_of_these > max(one.probability for one in report.effects)
     assert report.stages[0].left_over > 10
+
+
+SPENT = {"simulations", "seconds", "cpu_seconds"}
+
+
+def alike(found, fresh, where=""):
+    """Whether two JSON values are the same but for rounding."""
+    if isinstance(fresh, dict):
+        assert found.keys() == fresh.keys(), where
+        for name in fresh:
+            alike(found[name], fresh[name], f"{where}.{name}")
+    elif isinstance(fresh, list):
+        assert len(found) == len(fresh), where
+        for k, (a, b) in enumerate(zip(found, fresh, strict=True)):
+            alike(a, b, f"{where}[{k}]")
+    elif isinstance(fresh, float):
+        assert found == pytest.approx(fresh, rel=1e-7, abs=1e-9), where
+    else:
+        assert found == fresh, where
+
+
+@pytest.mark.slow
+def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, house_recorded, tmp_path):
+    """The cause is withheld, for whose sake a second optimum of the base model was looked for."""
+    system, path = house("me"), drifting(house_recorded(tmp_path, hours=72, seed=3), by=10.0)
+    effects = [one for one in candidates(system) if one.name in ("drift", "gain")]
+    done = diagnose(system, path, effects=effects, warm_up=WARM_UP)
+    assert "drift" in {one.name for one in done.report.effects if one.named}
+    fresh = diagnose(system, path, effects=effects[1:], warm_up=WARM_UP)
+    again = done.without(["drift"])
+    assert again.report.simulations <= fresh.report.simulations - done.base.simulations  # its fit is known
+    alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))
+    assert "drift" not in {one.name for one in again.report.effects}

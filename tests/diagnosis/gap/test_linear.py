@@ -1,69 +1,36 @@
 """Linear Gaussian arithmetic against scipy's multivariate normal, and p-values against their definition."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
 from diagnosis.fitting.fit import fit
-from diagnosis.fitting.inputs import SLOW
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import AMPLITUDE, Colours, Grams, projected
+from diagnosis.gap.grams import AMPLITUDE, FLOORS, Colours, Grams, discrepancy, estimated_colours, projected
 from diagnosis.gap.linear import widened
 from diagnosis.gap.scan import ratios, scan
 from diagnosis.gap.shrinkage import kept_for_scoring
+from diagnosis.gap.stages import STRONG
 from diagnosis.gap.twins import draw_twins
 from diagnosis.recording import HOUR, read_recording
 from shared.system import load_system
 
-ROOT = Path(__file__).parents[3]
-HOURS = 30.0
-
-
-def before_and_after(name, folder, **experiment):
-    """A problem in replay, and the same as wide as it is."""
-    system = load_system(ROOT / "fmus" / "MixedAirCO2" / name).with_experiment(hours=HOURS, **experiment)
-    path = folder / "recording.nc"
-    simulate(system, hours=HOURS, seed=1, index=0, out=path)
-    base = fit(Problem(Simulator(system), read_recording(path, system), replay=True, warm_up=24 * HOUR), rounds=1)
-    return base.problem, widened(base.problem, base.around)[0]
-
-
-@pytest.mark.slow
-def test_a_meter_s_error_drives_the_model(tmp_path):
-    """In pulses of three hours."""
-    count = 10
-    before, after = before_and_after("system.toml", tmp_path, step=HOUR)
-    system = after.system
-    for name in after.drive.replayed:
-        place = next(k for k, one in enumerate(system.inputs) if one.source == "measured" and one.column == name)
-        own = after.nuisance.recorded & ~after.nuisance.turns & (after.nuisance.column == place)
-        assert own.sum() == count
-        steps = len(after.recording.time) // count
-        means = np.kron(np.eye(count), np.full(steps, 1 / steps))
-        meter = after.drive.meters[system.inputs[place].name]
-        np.testing.assert_allclose(after.nuisance.sd[own] ** 2, np.diag(meter.covariance(means)), rtol=1e-6)
-        # what drives the model is what is expected, not what was read
-        middles = after.recording.time - 0.5 * after.recording.step
-        np.testing.assert_allclose(after.drive.signals[system.inputs[place].name].at(middles), meter.values)
-        assert not np.array_equal(meter.values, after.recording.outputs[system.output_names.index(name)])
-        # what is known of a reading's neighbours makes it surer than the meter is
-        sd = system.outputs[system.output_names.index(name)].noise["sensor"].sd
-        assert (after.nuisance.sd[own] < sd * np.sqrt(SLOW + (1 - SLOW) / steps)).all()
-    assert after.nuisance.size > before.nuisance.size
-
 
 def test_what_is_no_output_has_no_meter(tmp_path):
     """The office's heater is not logged and its valve is no output: nobody said how well either is known."""
-    before, after = before_and_after("office.toml", tmp_path)
+    system, path = load_system("fmus/MixedAirCO2/office.toml").with_experiment(hours=30.0), tmp_path / "r.nc"
+    simulate(system, hours=30.0, seed=1, index=0, out=path)
+    base = fit(Problem(Simulator(system), read_recording(path, system), replay=True, warm_up=24 * HOUR), rounds=1)
+    after = widened(base.problem, base.around)[0]
     assert after.drive.replayed
     assert not set(after.drive.replayed) & set(after.system.output_names)
-    assert after.nuisance.size == before.nuisance.size
+    assert after.nuisance.size == base.problem.nuisance.size
 
 
 STEPS = 60
@@ -111,20 +78,29 @@ def covariance_of(colour, time):
     return white**2 * np.eye(len(time)) + slow**2 * np.exp(-np.abs(time[:, None] - time) / memory)
 
 
+WHITE = (1.0, 0.0, HOUR)
+SURE = Colours({0: WHITE, 1: WHITE}, {k: [(WHITE, 1.0)] for k in (0, 1)}, 0.0)
+
+
+def stacked(observed, rows):
+    """What is observed of rows (2, steps, ...), channel after channel."""
+    return np.concatenate([rows[k, observed[k]] for k in range(2)])
+
+
+def dense(lin, observed, colours, *columns):
+    """Readings, and their covariance by noise and by columns whose unknowns have a prior of one."""
+    a = stacked(observed, np.concatenate(columns, axis=2))
+    noise = block_diag(*(covariance_of(colours[k], lin.problem.time[observed[k]]) for k in range(2)))
+    return stacked(observed, lin.residual + lin.by_unknown @ lin.z), noise + a @ a.T
+
+
 @pytest.mark.parametrize("chosen", [0, 1])
 def test_the_evidence_is_that_of_a_multivariate_normal(chosen):
     lin, observed = noisy_problem(1, chosen=chosen)
     colours = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
     spread = np.array([1.0, 1.0] + [AMPLITUDE] * chosen)
-    columns = np.concatenate([lin.by_nuisance, lin.by_unknown * spread, 2.0 * lin.by_effect], axis=2)
-    rows = [columns[k, observed[k]] for k in range(2)]
-    a = np.concatenate(rows)
-    noise = [covariance_of(colours[k], lin.problem.time[observed[k]]) for k in range(2)]
-    s = np.block(
-        [[noise[0], np.zeros((len(noise[0]), len(noise[1])))], [np.zeros((len(noise[1]), len(noise[0]))), noise[1]]]
-    )
-    r = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)])
-    expected = multivariate_normal.logpdf(r, np.zeros(len(r)), s + a @ a.T)
+    r, covariance = dense(lin, observed, colours, lin.by_nuisance, lin.by_unknown * spread, 2.0 * lin.by_effect)
+    expected = multivariate_normal.logpdf(r, np.zeros(len(r)), covariance)
     assert Grams(lin, observed).evidence(colours, 2.0) == pytest.approx(expected, abs=1e-6)
 
 
@@ -133,12 +109,8 @@ def test_what_is_left_is_what_generalised_least_squares_leaves():
     colours = {0: (1.0, 0.0, HOUR), 1: (2.0, 0.0, HOUR)}
     grams = Grams(lin, observed)
     left = projected(grams.total(colours), grams.inner.size)
-    size = np.concatenate([np.full(observed[0].sum(), 1.0), np.full(observed[1].sum(), 2.0)])
-    inner = np.concatenate([lin.by_nuisance, lin.by_unknown], axis=2)
-    a = np.concatenate([inner[k, observed[k]] for k in range(2)]) / size[:, None]
-    e = np.concatenate([lin.by_effect[k, observed[k]] for k in range(2)]) / size[:, None]
-    r = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)]) / size
-    weight = np.linalg.inv(np.eye(len(r)) + a @ a.T)
+    r, covariance = dense(lin, observed, colours, lin.by_nuisance, lin.by_unknown)
+    e, weight = stacked(observed, lin.by_effect), np.linalg.inv(covariance)
     np.testing.assert_allclose(left.information, e.T @ weight @ e, atol=1e-8)
     np.testing.assert_allclose(left.score, e.T @ weight @ r, atol=1e-8)
     assert left.square == pytest.approx(r @ weight @ r)
@@ -155,16 +127,14 @@ def drawn(rng, lin, colours, amplitude=0.0):
 
 def test_without_a_gap_p_values_are_small_no_oftener_than_they_say_and_with_one_the_effect_is_found():
     rng = np.random.default_rng(3)
-    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
-    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
     p, misfit, right = [], [], 0
     for k in range(60):
         lin = problem_of(rng)
         observed = seen(lin)
         clean = lin.residual
         for amplitude in (0.0, 3.0):
-            lin.residual = clean + drawn(rng, lin, colours, amplitude)
-            twins = draw_twins(Grams(lin, observed), sure, 99, seed=k)
+            lin.residual = clean + drawn(rng, lin, SURE.best, amplitude)
+            twins = draw_twins(Grams(lin, observed), SURE, 99, seed=k)
             found = scan(twins, lin.effects, twins.left.square)
             if amplitude:
                 right += found.order[0] == 1 and found.p_value <= 0.05
@@ -182,10 +152,10 @@ def test_a_candidate_that_noise_imitates_does_not_hide_one_that_it_does_not():
     """An offset reaches much where noise may be slow; what a ripple reaches is judged by what ripples reach."""
     rng = np.random.default_rng(8)
     lin = problem_of(rng)
-    slow, white = (1.0, 3.0, 40 * HOUR), (1.0, 0.0, HOUR)
+    slow = (1.0, 3.0, 40 * HOUR)
     lin.by_effect[..., 0] = 1.0
     lin.by_effect[..., 1] = (-1.0) ** np.arange(STEPS)
-    unsure = Colours({0: white, 1: white}, {k: [(white, 0.9), (slow, 0.1)] for k in (0, 1)}, 0.0)
+    unsure = Colours(SURE.best, {k: [(WHITE, 0.9), (slow, 0.1)] for k in (0, 1)}, 0.0)
     lin.residual = rng.standard_normal(lin.residual.shape) + 0.5 * lin.by_effect[..., 1]
     observed = np.ones(lin.residual.shape, dtype=bool)
     twins = draw_twins(Grams(lin, observed), unsure, 399)
@@ -201,12 +171,10 @@ def test_an_effect_of_negligible_size_is_no_gap_however_clear():
     rng = np.random.default_rng(7)
     lin = problem_of(rng)
     lin.by_effect *= 100.0
-    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
-    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
-    noise = drawn(rng, lin, colours) + lin.by_unknown @ -lin.z
+    noise = drawn(rng, lin, SURE.best) + lin.by_unknown @ -lin.z
     for amplitude, seen_ in ((0.05, False), (0.3, True)):
         lin.residual = noise + amplitude * lin.by_effect[..., 1]
-        twins = draw_twins(Grams(lin, np.ones(noise.shape, dtype=bool)), sure, 99)
+        twins = draw_twins(Grams(lin, np.ones(noise.shape, dtype=bool)), SURE, 99)
         found = scan(twins, lin.effects, twins.left.square)
         assert found.ratio[1] > 30
         assert (found.p_value <= 0.02) == seen_
@@ -219,9 +187,7 @@ def test_what_the_parameters_imitate_cannot_be_detected():
     lin.by_effect[..., 2] = lin.by_unknown[..., 0] / 30
     lin.by_effect[..., 1] = lin.by_effect[..., 0] * 1.5
     lin.residual = rng.standard_normal(lin.residual.shape)
-    colours = {0: (1.0, 0.0, HOUR), 1: (1.0, 0.0, HOUR)}
-    sure = Colours(colours, {k: [(one, 1.0)] for k, one in colours.items()}, 0.0)
-    twins = draw_twins(Grams(lin, seen(lin)), sure, 49)
+    twins = draw_twins(Grams(lin, seen(lin)), SURE, 49)
     found = scan(twins, lin.effects, twins.left.square)
     assert found.share[2] < 0.01 < 0.2 < found.share[0]
     assert found.cosines[0, 1] == pytest.approx(1.0)
@@ -229,32 +195,68 @@ def test_what_the_parameters_imitate_cannot_be_detected():
     assert found.alike(2, 2.0) == []  # it is not told from nothing
 
 
+def kept_by(warm, **more):
+    """What is kept of hours with this weather."""
+    time = HOUR * np.arange(1, len(warm) + 1)
+    return kept_for_scoring(
+        SimpleNamespace(time=time, start=0.0, stop=float(time[-1]), step=HOUR, inputs={"x": warm, **more})
+    )
+
+
 def test_the_part_that_is_kept_is_chosen_from_inputs_alone_and_unlike_the_rest():
     time = HOUR * np.arange(1, 28 * 24 + 1)
     warm = np.sin(2 * np.pi * time / (28 * 24 * HOUR)) * 10 + np.sin(2 * np.pi * time / (24 * HOUR))
-    record = SimpleNamespace(time=time, start=0.0, stop=float(time[-1]), step=HOUR, inputs={"x": warm, "c": time * 0})
-    kept = kept_for_scoring(record)
+    kept = kept_by(warm, c=time * 0)
     assert 0.15 < kept.mean() < 0.35
     assert not kept[: 3 * 24].any()
     assert (np.diff(np.flatnonzero(np.diff(kept.astype(int)))) >= 24).all()
     assert abs(warm[kept]).mean() > 1.2 * abs(warm[~kept]).mean()
 
 
-@pytest.mark.parametrize("days", [4, 9, 28])
-@pytest.mark.parametrize("more", [1, 23])
+@pytest.mark.parametrize(("days", "more"), [(4, 1), (9, 23), (28, 1)])
 def test_hours_more_than_whole_days_are_no_block_of_their_own(days, more):
     """The odd hours of an evening are far from the mean of a day: kept alone, they would be all that is scored."""
     time = HOUR * np.arange(1, days * 24 + more + 1)
     warm = np.sin(2 * np.pi * time / (24 * HOUR)) + 0.01 * np.random.default_rng(days).standard_normal(len(time))
-    record = SimpleNamespace(time=time, start=0.0, stop=float(time[-1]), step=HOUR, inputs={"x": warm})
-    kept = kept_for_scoring(record)
-    whole = SimpleNamespace(
-        time=time[: days * 24], start=0.0, stop=days * 24 * HOUR, step=HOUR, inputs={"x": warm[: days * 24]}
-    )
-    lengths = [
-        np.diff(np.flatnonzero(np.diff(one.astype(int), prepend=0, append=0)))[::2]
-        for one in (kept, kept_for_scoring(whole))
-    ]
-    for one in lengths:
-        assert one.min() >= 24
+    kept = kept_by(warm)
+    for one in (kept, kept_by(warm[: days * 24])):
+        assert np.diff(np.flatnonzero(np.diff(one.astype(int), prepend=0, append=0)))[::2].min() >= 24
     assert 0.1 < kept.mean() < 0.5
+
+
+def test_a_slow_noise_is_recognised_and_a_discrepancy_measured():
+    rng = np.random.default_rng(6)
+    lin = problem_of(rng, steps=400)
+    observed = np.ones(lin.residual.shape, dtype=bool)
+    true = {0: (np.sqrt(0.5), np.sqrt(0.5), 10 * HOUR), 1: (1.0, 0.0, HOUR)}
+    lin.residual = drawn(rng, lin, true)
+    grams = Grams(lin, observed)
+    found = estimated_colours(grams, np.ones(2))
+    assert found.best[0][1] > 0.5
+    assert found.best[1][1] < 0.3
+    gain, _ = discrepancy(grams, found, np.ones(2))
+    assert gain == 0.0
+    lin.residual = drawn(rng, lin, {0: (1.0, 5.0, 8 * HOUR), 1: (1.0, 0.0, HOUR)})
+    grams = Grams(lin, observed)
+    gain, colours = discrepancy(grams, estimated_colours(grams, np.ones(2)), np.ones(2))
+    assert gain > 30
+    assert colours[0][1] > 2 > colours[1][1]
+
+
+@pytest.mark.parametrize("memory", [10.0, 40.0])
+def test_a_slow_error_of_the_models_own_is_none_and_a_larger_one_is_a_discrepancy(memory):
+    """What a model that is nearly right lacks must not be called a gap, nor take up one that is there."""
+    rng = np.random.default_rng(8)
+
+    def gains(size):
+        made = []
+        for _ in range(10):
+            lin = problem_of(rng, steps=336, effects=1)
+            slow = np.linalg.cholesky(covariance_of((1e-6, size, memory * HOUR), lin.problem.time))
+            lin.residual = rng.standard_normal((2, 336)) + rng.standard_normal((2, 336)) @ slow.T
+            grams = Grams(lin, seen(lin))
+            made.append(discrepancy(grams, estimated_colours(grams, np.ones(2)), np.ones(2))[0])
+        return np.array(made)
+
+    assert np.mean(gains(FLOORS[0]) > STRONG) <= 0.1
+    assert np.mean(gains(1.5) > STRONG) >= 0.8

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from datagen.simulating.simulator import Simulator
+from diagnosis.app.project import as_toml
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap import diagnosed
 from diagnosis.gap.diagnosed import diagnose
@@ -73,12 +74,9 @@ def test_what_one_unit_brings_and_what_else_it_brings_is_taken_off(house, house_
 def test_a_source_that_does_not_fit_is_refused_with_a_sentence(house, field, value, sentence):
     system = house("me")
     text = system.path.read_text(encoding="utf-8")
-    shown = f'"{value}"' if isinstance(value, str) else "{ cold = 1.0 }" if isinstance(value, dict) else value
-    fields = {"name": '"heat"', "unit": '"kW"', "input": '"P"', field: shown}
-    table = "\n[[sources]]\n" + "\n".join(f"{k} = {v}" for k, v in fields.items())
-    with pytest.raises(SystemDescriptionError, match="sources: 'heat' ") as raised:
-        parse_system(text + table, system.path)
-    assert sentence in str(raised.value)
+    fields = {"name": "heat", "unit": "kW", "input": "P", field: value}
+    with pytest.raises(SystemDescriptionError, match=f"sources: 'heat' .*{sentence}"):
+        parse_system(f"{text}\n{as_toml({'sources': [fields]})}", system.path)
 
 
 def test_sources_are_no_part_of_what_is_simulated(house):
@@ -93,11 +91,9 @@ def test_missing_heat_is_found_with_its_size(house, house_recording):
     heat = np.zeros(240)
     heat[120:][np.arange(120) % 24 // 6 == 2] = 0.6
     nobody, rest = np.zeros(2 * 240), np.zeros(240)
-    more = exact_house(TRUTH, rest, rest, nobody, heat, start=0.0) - exact_house(
-        TRUTH, rest, rest, nobody, rest, start=0.0
-    )
-    path = changed(house_recording(hours=240, seed=6, before=240), lambda t, y: y + more)
-    done = diagnose(system, path, effects=candidates(system)[:1])
+    warm, base = (exact_house(TRUTH, rest, rest, nobody, heater, start=0.0) for heater in (heat, rest))
+    path = changed(house_recording(hours=240, seed=6), lambda t, y: y + warm - base)
+    done = diagnose(system, path, effects=candidates(system)[:1], warm_up=WARM_UP)
     (source,) = done.report.sources
     assert source.p_value <= 0.01
     assert source.verdict == done.report.balance == "balance"

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_system, tmp_path):
     system = in_the_middle(default_system, tmp_path / "room.nc", hours=120.0)
     record = read_recording(tmp_path / "room.nc", system)
-    whole = Problem(Simulator(system), record, occupancy="unknown")
+    whole = Problem(Simulator(system), record, occupancy="unknown", known=["constants"])
     scored = kept_for_scoring(record)
     fitted = whole.observed & ~scored
     base = fit(whole.with_observed(fitted), rounds=1)  # from the truth, the middle of the prior
@@ -42,6 +42,8 @@ def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_syst
 
 
 MIXED = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
+SHORT = {"warm_up": 24 * HOUR, "known": ["constants"]}
+"""The fewer unknowns and hours, the shorter the simulations."""
 
 
 def straight(seed=4):
@@ -118,7 +120,7 @@ def test_a_heater_that_gives_a_fifth_of_its_power_is_the_first_of_both_lines(tmp
     truth = {one.name: float(one.from_unit(0.5)) for one in system.parameters}
     simulate(system, parameters=truth | {"effect.heater.derate": size}, hours=72.0, seed=3, out=tmp_path / "room.nc")
     record = noisy(read_recording(tmp_path / "room.nc", system), system, 5)
-    problem = Problem(Simulator(system), record, occupancy="measured", warm_up=24 * HOUR)
+    problem = Problem(Simulator(system), record, occupancy="measured", **SHORT)
     for rivals in compared(problem, effects):
         assert rivals.refits[0].names == ("heater.derated",)
         assert amplitude(rivals, "heater.derated") == pytest.approx(size, rel=0.1)
@@ -136,7 +138,7 @@ def test_a_clock_that_is_an_hour_late_is_found_in_replay(default_system, tmp_pat
         late[name].values[:] = data[name].values[1:]
     late.to_netcdf(tmp_path / "late.nc")
     record = read_recording(tmp_path / "late.nc", system)
-    problem = Problem(Simulator(system), record, occupancy="measured", replay=True, warm_up=24 * HOUR)
+    problem = Problem(Simulator(system), record, occupancy="measured", replay=True, **SHORT)
     first, last = compared(problem, [one for one in library(system) if one.name == "clock"])
     assert amplitude(last, "clock") == pytest.approx(1.0, abs=0.1)
     assert amplitude(first, "clock") == pytest.approx(1.0, abs=0.3)

@@ -57,7 +57,7 @@ class Brittle(Nothing):
 def test_candidates_that_fail_are_named_with_the_reason_and_cost_the_others_nothing(house, house_recorded, tmp_path):
     """By a simulation that fails, by outputs that are no numbers, by a singular matrix, and in a refit only."""
     system = house("me")
-    path = drifting(house_recorded(tmp_path, hours=120, seed=3), by=6.0)
+    path = drifting(house_recorded(tmp_path, hours=96, seed=3), by=6.0)
     common = {"lower": -8.0, "upper": 8.0}
     failing = [
         Broken("broken", **common),
@@ -86,9 +86,8 @@ def test_a_base_model_that_fails_everywhere_is_told_in_a_sentence(house, house_r
         yield Failing(simulator, "ro", 0.0)
 
     monkeypatch.setattr(diagnosed, "side_by_side", failing)
-    with pytest.raises(
-        SimulationError, match=r"house-3\.nc: the base model cannot be fitted to it \(from prior: fails her"
-    ):
+    expected = r"house-3\.nc: the base model cannot be fitted to it \(from prior: fails her"
+    with pytest.raises(SimulationError, match=expected):
         diagnose(system, path, effects=[], out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -10,7 +10,7 @@ from diagnosis.gap.grams import Colours, Grams
 from diagnosis.gap.places import stretch
 from diagnosis.gap.scan import Episode, largest_episode
 from diagnosis.gap.twins import draw_twins
-from tests.diagnosis.gap.test_linear import HOUR, STEPS, covariance_of, drawn, problem_of, seen
+from tests.diagnosis.gap.test_linear import HOUR, STEPS, dense, drawn, problem_of, seen, stacked
 
 COLOURS = {0: (1.0, 0.5, 5 * HOUR), 1: (2.0, 0.0, HOUR)}
 SURE = Colours(COLOURS, {k: [(one, 1.0)] for k, one in COLOURS.items()}, 0.0)
@@ -31,20 +31,10 @@ def test_an_offset_is_found_where_it_is_and_its_ratio_is_that_of_generalised_lea
     assert (one.channel, one.first, one.last) == (1, 16, 23)
     assert one.p_value <= 0.01
     assert one.gain > 10
-    inner = np.concatenate([lin.by_nuisance, lin.by_unknown], axis=2)
-    a = np.concatenate([inner[k, observed[k]] for k in range(2)])
     block = np.zeros(lin.residual.shape)
     block[1, 16:24] = 1.0
-    e = np.concatenate([block[k, observed[k]] for k in range(2)])
-    r = np.concatenate([(lin.residual + lin.by_unknown @ lin.z)[k, observed[k]] for k in range(2)])
-    covariance = a @ a.T
-    begin = 0
-    for k in range(2):
-        count = int(observed[k].sum())
-        part = slice(begin, begin + count)
-        covariance[part, part] += covariance_of(COLOURS[k], lin.problem.time[observed[k]])
-        begin += count
-    weight = np.linalg.inv(covariance)
+    r, covariance = dense(lin, observed, COLOURS, lin.by_nuisance, lin.by_unknown)
+    e, weight = stacked(observed, block), np.linalg.inv(covariance)
     assert one.offset == pytest.approx(e @ weight @ r / (e @ weight @ e), rel=1e-6)
     assert one.ratio == pytest.approx(0.5 * (e @ weight @ r) ** 2 / (e @ weight @ e), rel=1e-6)
 

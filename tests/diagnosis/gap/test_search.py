@@ -13,7 +13,6 @@ from diagnosis.gap.refit import Rivals
 from diagnosis.gap.search import search
 from shared.errors import TimeUp
 
-COLOURS = SimpleNamespace(best={})
 RUNNER = SimpleNamespace(stage=lambda _: None)
 
 
@@ -53,11 +52,13 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
     monkeypatch.setattr(searching, "from_one_start", at_the_start)
     monkeypatch.setattr(searching, "on_the_best_line", at_the_best)
     effects = [SimpleNamespace(name=name) for name in ("one", "two", "three", "none", "far")]
-    scan = SimpleNamespace(order=[4, 0, 1, 2, 3], ratio=np.ones(5))
-    lin = SimpleNamespace(effects=effects, z=None, chosen=())
-    grams = SimpleNamespace(observed=None)
-    stage = SimpleNamespace(lin=lin, scan=scan, grams=grams, colours=COLOURS, discrepancy=False)
-    stage.candidate_found, stage.misfits, stage.differs = candidate, misfits, candidate or misfits
+    stage = SimpleNamespace(
+        lin=SimpleNamespace(effects=effects, z=None, chosen=()),
+        scan=SimpleNamespace(order=[4, 0, 1, 2, 3], ratio=np.ones(5)),
+        grams=SimpleNamespace(observed=None),
+        colours=SimpleNamespace(best={}),
+        **{"discrepancy": False, "candidate_found": candidate, "misfits": misfits, "differs": candidate or misfits},
+    )
     found = Search([stage], base=None, plain=SimpleNamespace(size=2, runner=RUNNER))
     monkeypatch.setattr(Search, "path", "here")
     assert [one.names[0] for one in searching._first_effect(found)] == named

@@ -7,7 +7,6 @@ from diagnosis.fitting.problem import Problem
 from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
-from shared.shipped import estimator_beside
 from shared.system import load_system
 from tests.diagnosis.gap.room_cases import noisy
 
@@ -16,12 +15,13 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
-    """Four counted days of a room whose parameters lie far from the middle of their prior."""
-    system = load_system("fmus/MixedAirCO2").with_experiment(hours=96.0, start=(500.0, 500.0))
+    """Three counted days of a room whose parameters lie far from the middle of their prior; its constants are known."""
+    system = load_system("fmus/MixedAirCO2").with_experiment(hours=72.0, start=(500.0, 500.0))
     path = tmp_path_factory.mktemp("starting") / "room.nc"
     simulate(system, seed=4000, index=5, out=path)
     record = noisy(read_recording(path, system), system, 5)
-    return Problem(Simulator(system.with_experiment(step=record.step)), record, occupancy="measured")
+    simulator = Simulator(system.with_experiment(step=record.step))
+    return Problem(simulator, record, occupancy="measured", known=["constants"])
 
 
 def asked(problem, run=None):
@@ -50,8 +50,3 @@ def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem,
     assert caplog.messages == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]
     with pytest.raises(RecordingError, match="no channel"):
         asked(problem, "somewhere")
-
-
-def test_a_folder_without_an_estimator_is_none(tmp_path):
-    (tmp_path / "estimator").mkdir()
-    assert estimator_beside(tmp_path / "system.toml") is None

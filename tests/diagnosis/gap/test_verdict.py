@@ -23,27 +23,16 @@ from shared.errors import RecordingError
 from shared.shipped import shipped_systems
 
 QUIET = Evidence(
-    replay=False,
-    counted=True,
-    converged=True,
-    gap=False,
-    searched=True,
-    candidates={"one": -1.0, "two": -2.0},
-    beside={},
-    chosen=(),
-    rejected=False,
-    before=0.0,
-    left=0.0,
-    p_values={},
+    **{"replay": False, "counted": True, "converged": True, "gap": False, "searched": True, "rejected": False},
+    **{"candidates": {"one": -1.0, "two": -2.0}, "beside": {}, "p_values": {}},
+    **{"chosen": (), "before": 0.0, "left": 0.0},
 )
 LOUD = replace(QUIET, gap=True, candidates={"one": 50.0, "two": 48.0, "three": 1.0}, chosen=("one",), before=60.0)
 WORTH = Count(what="answers", low=0, high=1, count=10, said=0.9, true=0.8)
+HASHES = ("system_hash", "fmu_sha256", "uncertain_sha256", "candidates_sha256")
 BY = Verdicts(
+    **dict.fromkeys(HASHES, "-"),
     system="room",
-    system_hash="-",
-    fmu_sha256="-",
-    uncertain_sha256="-",
-    candidates_sha256="-",
     version="0",
     made="2026-01-01",
     hours=168.0,

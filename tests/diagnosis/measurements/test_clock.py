@@ -199,3 +199,56 @@ def test_day_and_month_are_told_apart_by_the_order_of_time():
     hours = pd.Series(pd.date_range("2022-03-04", periods=60, freq="6h").strftime("%d/%m/%Y %H:%M"))
     assert formats_of(hours) == ["%d/%m/%Y %H:%M"]
     assert len(formats_of(hours.head(4))) == 2  # one day tells nothing
+
+
+ZONE = ZoneInfo("Europe/Amsterdam")
+BACK = datetime(2022, 10, 30, 1, 0, tzinfo=UTC)
+"""When 03:00 becomes 02:00."""
+
+
+def on_the_wall(times):
+    return [one.astimezone(ZONE).replace(tzinfo=None).isoformat(sep=" ") for one in times]
+
+
+def understood(texts, sensors):
+    """UTC of rows that hold readings of ``sensors``, one letter each, and the sentences."""
+    read = np.array([[one in row for one in "ABC"] for row in sensors])
+    found = read_stamps(pd.Series(texts), Time(column="t", zone="Europe/Amsterdam"), "file", lambda: read)
+    return found.utc, found.notes
+
+
+@settings(max_examples=100)
+@given(
+    every=st.sampled_from([1, 5, 15, 20, 30, 60, 120, 180]),
+    after=st.integers(0, 179),
+    begin=st.integers(-150, 120),
+    length=st.integers(0, 240),
+)
+def test_one_outage_over_the_change_puts_no_row_an_hour_wrong(every, after, begin, length):
+    """Rows whose pass nothing tells are left out, and none of a log that lost nothing."""
+    first = BACK - timedelta(minutes=2 * 24 * 60 + after % every)
+    times = [first + timedelta(minutes=m) for m in range(0, 4 * 24 * 60, every)]
+    gone = (BACK + timedelta(minutes=begin), BACK + timedelta(minutes=begin + length))
+    times = [one for one in times if not gone[0] <= one < gone[1]]
+    utc, _ = understood(on_the_wall(times), ["A"] * len(times))
+    known = np.isfinite(utc)
+    np.testing.assert_array_equal(utc[known], np.array([one.timestamp() for one in times])[known])
+    assert known.all() or (every <= 60 and length > 0)
+    assert (~known).sum() * every <= 60
+
+
+@settings(max_examples=60)
+@given(
+    every=st.lists(st.sampled_from([10, 15, 30, 45, 60, 90]), min_size=1, max_size=3),
+    late=st.lists(st.sampled_from([0, 0, 20, 300]), min_size=3, max_size=3),
+    before=st.integers(2 * 60, 30 * 60),
+)
+def test_a_row_for_each_sensor_comes_back_as_it_was(every, late, before):
+    """Sensors that are read at their own intervals, some a little later than the others."""
+    rows = []
+    for sensor, minutes, seconds in zip("ABC", every, late, strict=False):
+        first = BACK - timedelta(minutes=before)
+        rows += [(first + timedelta(minutes=m, seconds=seconds), sensor) for m in range(0, before + 24 * 60, minutes)]
+    rows.sort()
+    utc, _ = understood(on_the_wall([time for time, _ in rows]), [sensor for _, sensor in rows])
+    np.testing.assert_array_equal(utc, [time.timestamp() for time, _ in rows])

@@ -27,44 +27,22 @@ TRUTH = {
     "wind_m_s": "weather.wind_speed",
     "sun_horizontal_W_m2": "weather.ghi",
 }
-GERMAN = {
-    "time": "Datum/Uhrzeit",
-    "room_degC": "Raumtemperatur [°C]",
-    "co2_ppm": "CO2 Büro [ppm]",
-    "heater_kW": "Heizleistung [kW]",
-    "fresh_air_m3_h": "Frischluft-Volumenstrom [m³/h]",
-    "outdoor_degC": "Außentemperatur [°C]",
-    "wind_m_s": "Windgeschwindigkeit [m/s]",
-    "sun_horizontal_W_m2": "Globalstrahlung [W/m²]",
+NAMES = {
+    "time": ("Datum/Uhrzeit", "time", "time", "Timestamp"),
+    "room_degC": ("Raumtemperatur [°C]", "Température salle (°C)", "ruimtetemperatuur", "Zone Temp"),
+    "co2_ppm": ("CO2 Büro [ppm]", "CO2 intérieur", "CO2 binnen", "Zone CO2"),
+    "heater_kW": ("Heizleistung [kW]", "Puissance de chauffage (kW)", "verwarmingsvermogen kW", "Heating Power (W)"),
+    "fresh_air_m3_h": (
+        "Frischluft-Volumenstrom [m³/h]",
+        "Débit air neuf (m3/h)",
+        "verse lucht m3/h",
+        "OA Flow (CFM)",
+    ),
+    "outdoor_degC": ("Außentemperatur [°C]", "Température extérieure (°C)", "buitentemperatuur", "OA Temp"),
+    "wind_m_s": ("Windgeschwindigkeit [m/s]", "Vitesse du vent (m/s)", "windsnelheid", "Wind Speed (mph)"),
+    "sun_horizontal_W_m2": ("Globalstrahlung [W/m²]", "Rayonnement global (W/m2)", "globale zonnestraling", "GHI"),
 }
-FRENCH = {
-    "room_degC": "Température salle (°C)",
-    "co2_ppm": "CO2 intérieur",
-    "heater_kW": "Puissance de chauffage (kW)",
-    "fresh_air_m3_h": "Débit air neuf (m3/h)",
-    "outdoor_degC": "Température extérieure (°C)",
-    "wind_m_s": "Vitesse du vent (m/s)",
-    "sun_horizontal_W_m2": "Rayonnement global (W/m2)",
-}
-DUTCH = {
-    "room_degC": "ruimtetemperatuur",
-    "co2_ppm": "CO2 binnen",
-    "heater_kW": "verwarmingsvermogen kW",
-    "fresh_air_m3_h": "verse lucht [m3/h]",
-    "outdoor_degC": "buitentemperatuur",
-    "wind_m_s": "windsnelheid",
-    "sun_horizontal_W_m2": "globale zonnestraling",
-}
-AMERICAN = {
-    "time": "Timestamp",
-    "room_degC": "Zone Temp",
-    "co2_ppm": "Zone CO2",
-    "heater_kW": "Heating Power (W)",
-    "fresh_air_m3_h": "OA Flow (CFM)",
-    "outdoor_degC": "OA Temp",
-    "wind_m_s": "Wind Speed (mph)",
-    "sun_horizontal_W_m2": "GHI",
-}
+GERMAN, FRENCH, DUTCH, AMERICAN = (dict(zip(NAMES, some, strict=True)) for some in zip(*NAMES.values(), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -156,9 +134,8 @@ def test_a_filled_in_draft_imports_to_what_the_mapping_by_hand_does(log, by_hand
     assert placed(draft) == truth
     zone = [] if write is dutch else ["time.zone"]
     assert draft.to_fill_in == [*zone, "place.latitude", "place.longitude"]
-    with pytest.raises(
-        RecordingError, match=r"has '\?' where something has to be filled in: .*place\.latitude \(degrees"
-    ):
+    expected = r"has '\?' where something has to be filled in: .*place\.latitude \(degrees"
+    with pytest.raises(RecordingError, match=expected):
         import_recording(tmp_path / "mapping.toml", tmp_path / "log.csv", out=tmp_path / "log.nc")
     import_recording(filled_in(tmp_path / "mapping.toml"), tmp_path / "log.csv", out=tmp_path / "log.nc")
     drafted = xr.load_dataset(tmp_path / "log.nc")

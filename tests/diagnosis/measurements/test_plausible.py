@@ -1,5 +1,6 @@
 """Readings that are something else than they are declared as."""
 
+import re
 from datetime import timedelta
 
 import numpy as np
@@ -13,7 +14,7 @@ from diagnosis.measurements.plausible import find_offset
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.weather import Daylight
 from shared.errors import RecordingError
-from tests.diagnosis.measurements.house_cases import MAPPING, ZONE, measured
+from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, ZONE, measured
 
 MARCH = 1_646_089_200.0
 """1 March 2022, 00:00 in Amsterdam [s since 1970]."""
@@ -146,3 +147,72 @@ def test_what_is_left_out_as_impossible_is_told_with_its_limits(house):
     assert not told(house(frame, wider, out="wider.nc"), "column room: ")
     narrower = MAPPING.replace("[variables.warmth]", "[variables.warmth]\nvalid = [-20, 50]")
     assert told(house(frame, narrower, out="narrower.nc"), "readings are left out: not -20 to 50 degC")
+
+
+OUTPUTS = (
+    '{ name = "warmth", unit = "K", accuracy = 0.1, noise = { good = { sd = 0.05 }, poor = { sd = 0.2 } } },',
+    '{ name = "gas", unit = "W", accuracy = 1.0, method = "mean", noise = { poor = { sd = 100.0 } } },',
+)
+EFFECTS = """
+[[effects]]
+name = "leak"
+kind = "parameter"
+description = "Air leaks in"
+unit = "kg/s"
+scale = 0.03
+lower = 0.0
+upper = 0.1
+parameters = { "m0" = 1.0 }
+"""
+
+
+@pytest.fixture
+def said(house, tmp_path):
+    """Import with sensors and an effect declared; the findings that hold some words."""
+    text = HOUSE.replace('{ name = "warmth", unit = "K", accuracy = 0.1 },', OUTPUTS[0])
+    text = text.replace('{ name = "gas", unit = "W", accuracy = 1.0, method = "mean" },', OUTPUTS[1])
+    (tmp_path / "declared.toml").write_text(text + EFFECTS)
+
+    def run(frame, words, mapping=MAPPING, out="out/declared.nc"):
+        found = house(frame, mapping, out=out, system=tmp_path / "declared.toml").physics
+        return [one.text for one in found if words in one.text]
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("words", "change", "mapping", "told"),
+    [
+        (
+            "Is the unit right",  # kilowatts that are declared as watts move by less than the noise
+            lambda d: d,
+            MAPPING.replace('unit = "kW"', 'unit = "W"'),
+            r"gas varies by 2 W in all, from .* which is less than its sensor's noise \(standard deviation 100 W\)\.",
+        ),
+        (
+            "largest number",
+            lambda d: d,
+            MAPPING.replace('unit = "m3/h"', 'unit = "m3/s"'),
+            r"air is usually 144 kg/s where it is not 0, and the largest number in kg/s that the description has is"
+            r" 0\.1 \(upper of effect leak\)\. Is the unit right\?",
+        ),
+        (
+            "swapped",
+            lambda d: d.rename(columns={"room": "outside", "outside": "room"}),
+            MAPPING,
+            "warmth is 13.0 K colder on average than outdoors, the air outdoors, and varies more. Are their columns",
+        ),
+        (
+            "degF",
+            lambda d: d.assign(outside=d["outside"] * 1.8 + 32),
+            MAPPING,
+            r"outdoors, the air outdoors, has a median of 46.4 degC. Is its unit right \(degF\)\?",
+        ),
+    ],
+)
+def test_what_is_unlike_what_is_declared_is_told(said, words, change, mapping, told):
+    frame, hours = measured()
+    frame["valve"] = 50.0 + np.sin(hours)
+    assert said(frame, words) == []
+    (note,) = said(change(frame), words, mapping, "other.nc")
+    assert re.match(told, note)

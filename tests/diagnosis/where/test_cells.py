@@ -237,14 +237,13 @@ def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):
     assert second.size == pytest.approx(first.size * scales[plain.names.index(first.channel)], rel=1e-5)
 
 
-def test_too_few_twins_are_refused(quiet):
-    with pytest.raises(RecordingError, match="found 10; expected at least 19"):
-        Residuals(quiet.time, quiet.observed, quiet.replicates[:10], quiet.names, quiet.units)
-
-
-def test_twins_of_another_length_are_refused(quiet):
-    with pytest.raises(RecordingError, match=r"replicates: shape is \(99, 2, 600\)"):
-        Residuals(quiet.time, quiet.observed, quiet.replicates[:, :, :600], quiet.names, quiet.units)
+def test_too_few_twins_and_twins_of_another_length_are_refused(quiet):
+    for twin, said in (
+        (quiet.replicates[:10], "found 10; expected at least 19"),
+        (quiet.replicates[:, :, :600], r"replicates: shape is \(99, 2, 600\)"),
+    ):
+        with pytest.raises(RecordingError, match=said):
+            Residuals(quiet.time, quiet.observed, twin, quiet.names, quiet.units)
 
 
 @pytest.mark.slow
