@@ -1,10 +1,15 @@
 """Commands that stand in the documents, and how each of them is held: run from its page, elsewhere, or by hand."""
 
+import importlib.util
 import re
 import shlex
+import sys
 from fnmatch import fnmatchcase
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [
@@ -49,6 +54,18 @@ MOST = {"--systems": 40, "--steps": 2, "--trials": 2, "--windows": 30}
 """Sizes: of so many houses there are four to calibrate a posterior with, and no page shows what comes of them."""
 ROOMS = 20
 """So many of the default room, which takes longer to simulate than a house: there are two to evaluate on."""
+
+
+@cache
+def script(name):
+    """A script of the documentation, such as ``making/pages``, as a module."""
+    path = ROOT / "docs" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"docs_{path.stem}", path)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(path.parent))
+        spec.loader.exec_module(module)
+    return module
 
 
 def first_words(words):
