@@ -9,10 +9,11 @@ import time
 import pytest
 
 from shared.errors import EstimatorError
-from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run, read_card
 from trainer.runs.state import STATE, read_state, write_state
 from trainer.training.fitting import fit
+
+from ..conftest import interrupt_after
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32, "dropout": 0.2}
 SETTINGS = {"options": SMALL, "noise": "gauge", "context_hours": 12.0, "seed": 3}
@@ -36,16 +37,8 @@ def stopping(monkeypatch):
     """Makes a training stop with Ctrl-C at a draw of the sampler, having kept its state after every step."""
 
     def at(draws):
-        draw, seen = Sampler.draw, []
-
-        def interrupted(self, count):
-            seen.append(1)
-            if len(seen) == draws:
-                raise KeyboardInterrupt
-            return draw(self, count)
-
         monkeypatch.setattr("trainer.training.loop.SAVE_SECONDS", -1.0)
-        monkeypatch.setattr(Sampler, "draw", interrupted)
+        interrupt_after(draws - 1, monkeypatch)
 
     return at
 
