@@ -43,7 +43,7 @@ ELSEWHERE = {
     "python ../verify.py": ("fmus/test_modelica_export.py", "test_check_passes_a_good_fmu_and_writes_its_description"),
     "python docs/gallery/forecast.py": ("docs/test_gallery.py", "test_a_forecast_from_a_week"),
     "python docs/gallery/house.py": ("docs/test_gallery.py", "test_a_house_of_my_own"),
-    "python docs/making/samples.py": ("docs/test_making.py", "test_the_samples_are_pages_that_stand_alone"),
+    "python docs/making/samples.py": ("docs/test_project.py", "test_the_samples_are_pages_that_stand_alone"),
     "python docs/making/licences.py": ("docs/test_project.py", "test_the_licence_page_is_what_its_script_finds_here"),
     "python tests/docs/plain_english.py": ("docs/test_plain_english.py", "test_the_script_prints_a_line_for_each_page"),
     "python fmus/build.py": ("datagen/comparing/test_comparison.py", "finer"),

@@ -8,9 +8,11 @@ import re
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import yaml
 
+from diagnosis import read_report
 from shared import __version__
 from tests.docs.documented import ROOT, script
 
@@ -83,3 +85,15 @@ def test_the_demo_is_a_program_of_the_checkout():
     words = [sys.executable, line.split()[1], "--help"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert done.returncode == 0 and "--systems" in done.stdout, done.stderr
+
+
+def test_the_samples_are_pages_that_stand_alone():
+    folder = ROOT / "docs/samples"
+    assert {one.stem for one in folder.glob("*.html")} == {"effect", "none_of_these", "no_gap", "forecast"}
+    for path in folder.glob("*.html"):
+        page = path.read_text(encoding="utf-8")
+        assert len(page) < 2_500_000 and "data:image/png;base64," in page
+        outside = re.sub("<script>.*?</script>", "", page, flags=re.S)
+        assert not re.findall(r"""<script|(?:src|href)=["'](?!data:|#)""", outside), path.name
+        assert "/tmp/" not in page and str(Path.home()) not in page, path.name
+    assert read_report(folder / "effect.json").verdict == "effect"

@@ -69,21 +69,25 @@ def test_content_hash_sees_every_value_and_not_the_layout(tmp_path):
     assert dataset_hash(changed) != dataset_hash(one)
 
 
-def test_newer_schema_is_refused(folder):
+def change_manifest(folder, change):
     path = folder / "manifest.json"
-    raw = json.loads(path.read_text())
-    raw["schema_version"] = "3.0"
-    path.write_text(json.dumps(raw))
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+
+
+def test_newer_schema_is_refused(folder):
+    change_manifest(folder, lambda raw: raw | {"schema_version": "3.0"})
     with pytest.raises(DatasetError, match=r"schema version is '3\.0'.*update"):
         read_manifest(folder)
 
 
 def test_newer_minor_version_is_read(folder):
     """The dataset as a version would have written it that knows more."""
-    path = folder / "manifest.json"
-    raw = json.loads(path.read_text())
-    major, _, minor = raw["schema_version"].partition(".")
-    path.write_text(json.dumps(raw | {"schema_version": f"{major}.{int(minor) + 5}", "licences": ["free"]}))
+
+    def newer(raw):
+        major, _, minor = raw["schema_version"].partition(".")
+        return raw | {"schema_version": f"{major}.{int(minor) + 5}", "licences": ["free"]}
+
+    change_manifest(folder, newer)
     assert DatasetFolder(folder).load().values.shape[0] == 7
 
 
@@ -121,10 +125,7 @@ def test_unknown_channel_is_a_sentence(folder):
 
 
 def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
-    path = folder / "manifest.json"
-    raw = json.loads(path.read_text())
-    raw["shards"][1]["systems"] = [0, 1, 2, 4]
-    path.write_text(json.dumps(raw))
+    change_manifest(folder, lambda raw: raw["shards"][1].update(systems=[0, 1, 2, 4]) or raw)
     with pytest.raises(DatasetError, match=r"shard-000001\.nc: not as the manifest says \(its systems are not those"):
         DatasetFolder(folder).load()
 

@@ -88,14 +88,14 @@ def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(ta
     ],
 )
 def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch, caplog, model, options):
-    settings = SETTINGS | {"model": model, "options": options, "steps": 40, "batch_size": 8, "keep": "last"}
+    settings = SETTINGS | {"model": model, "options": options, "steps": 16, "batch_size": 8, "keep": "last"}
     fit(tanks, tmp_path / "whole", **settings)
-    stopping(30)
+    stopping(12)
     with pytest.raises(KeyboardInterrupt):
         fit(tanks, tmp_path / "cut", **settings)
     monkeypatch.undo()
     step = read_state(tmp_path / "cut" / STATE)[1]["step"]
-    assert 20 < step < 30
+    assert 6 < step < 12
     cut = weights(tmp_path / "cut")
     fit(tanks, tmp_path / "cut", resume=True, **settings)
     assert cut != weights(tmp_path / "whole")
