@@ -20,6 +20,11 @@ def tanks(tmp_path_factory):
     return make_dataset(tmp_path_factory.mktemp("tanks") / "ds", systems=40)
 
 
+@pytest.fixture(scope="module")
+def run(tanks, tmp_path_factory):
+    return fit(tanks, tmp_path_factory.mktemp("ridge") / "run", model="ridge", steps=2)
+
+
 @pytest.mark.parametrize("name", PACKAGES)
 def test_every_public_name_is_offered_and_is_what_its_module_calls_so(name):
     package = importlib.import_module(name)
@@ -61,18 +66,18 @@ def test_a_damaged_shard_is_refused_when_it_is_read(tanks, tmp_path):
         data["level"].load()
 
 
-def test_a_dataset_in_memory_stands_for_its_folder_and_a_part_of_it_for_nothing(tanks, tmp_path):
+def test_a_dataset_in_memory_stands_for_its_folder_and_a_part_of_it_for_nothing(tanks, run, tmp_path):
     data = datagen.open(tanks)
-    run = fit(data, tmp_path / "run", model="ridge")
-    assert evaluate(run, data) == evaluate(run, tanks)
+    mine = fit(data, tmp_path / "mine", model="ridge", steps=2)
+    assert mine.card.weights_sha256 == run.card.weights_sha256
+    assert evaluate(mine, data) == evaluate(mine, tanks)
     with pytest.raises(DatasetError, match="has 10 of its 40 systems; expected all of them"):
         fit(data.isel(system=slice(10)), tmp_path / "part", model="ridge")
     with pytest.raises(DatasetError, match=r"does not say which dataset it is; expected one of `datagen\.open`"):
         fit(data.drop_encoding(), tmp_path / "other", model="ridge")
 
 
-def test_results_are_short_as_text_and_tables_for_people(tanks, tmp_path):
-    run = fit(tanks, tmp_path / "run", model="ridge")
+def test_results_are_short_as_text_and_tables_for_people(tanks, run):
     found, scores = predict(run, tanks / "shards" / "000.nc"), evaluate(run, tanks)
     for one in (run, found, scores, DatasetFolder(tanks).manifest, datagen.info(tanks)):
         assert 10 < len(repr(one)) < 300 and "\n" not in repr(one)

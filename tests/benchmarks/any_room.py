@@ -52,18 +52,23 @@ def of_dataset(folder: Path, encoding):
     return windows, stamps, records.parameters[rows], records.given[rows], records.disturbances[rows] > 0
 
 
-def of_reference(folder: Path, encoding):
-    """The same of the reference rooms; none is disturbed."""
-    weather, systems = pd.read_csv(folder / "weather.csv.gz"), pd.read_csv(folder / "systems.csv")
+def reference_series(folder: Path):
+    """Of each reference room its table and its series by the names of the default room."""
+    weather = pd.read_csv(folder / "weather.csv.gz")
     sun = (weather[name].to_numpy() for name in ("dni_W_m2", "dhi_W_m2", "ghi_W_m2"))
     facade = irradiance_on_plane(Weather(files=["none"]), weather["time_s"].to_numpy(float), *sun, **CHICAGO)
-    windows, stamps, which = [], [], []
-    for room in range(len(systems)):
+    for room in range(len(pd.read_csv(folder / "systems.csv"))):
         read = pd.read_csv(folder / f"room{room + 1}.csv.gz")
-        count = min(len(read), len(weather))
-        series = {"TRoo": read["TRoo_K"], "CO2": read["CO2_above_outdoor_ppm"] + 420.0}
-        series |= {"QHea": read["QHea_W"], "mOA": read["mOA_kg_s"], "HFac": pd.Series(facade)}
-        series |= {"TDryBul": weather["outdoor_temp_K"], "TSky": weather["sky_temp_K"], "winSpe": weather["wind_m_s"]}
+        series = {"TRoo": read["TRoo_K"], "CO2": read["CO2_above_outdoor_ppm"] + 420.0, "QHea": read["QHea_W"]}
+        series |= {"mOA": read["mOA_kg_s"], "TDryBul": weather["outdoor_temp_K"], "TSky": weather["sky_temp_K"]}
+        yield read, series | {"winSpe": weather["wind_m_s"], "HFac": pd.Series(facade)}
+
+
+def of_reference(folder: Path, encoding):
+    """The same of the reference rooms; none is disturbed."""
+    systems, windows, stamps, which = pd.read_csv(folder / "systems.csv"), [], [], []
+    for room, (read, series) in enumerate(reference_series(folder)):
+        count = min(len(read), len(series["TSky"]))
         columns = []
         for name in encoding.recorded:
             values = series[name].to_numpy()[:count]

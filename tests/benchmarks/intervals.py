@@ -1,18 +1,12 @@
 """How honest a calibration's intervals are: errors in posterior standard deviations, over recordings never used before.
 
-    python tests/benchmarks/intervals.py fmus/MixedAirCO2 --recordings 12 --seed SEED --out intervals
-
-Each recording is a random room over a week, anywhere in the year, with the sensors' noise, rounding and lost readings.
-It is calibrated three times: persons ``measured``, persons ``unknown``, and in ``replay`` (persons measured, the
-measured heater and air flow in place of the controllers). Printed: the root mean square of (estimate - truth) /
-standard deviation in the scale in which the prior is standard normal (1 for a Gaussian posterior), the share of 90 %
-intervals that hold the truth, and how wide they are. Recordings are the independent draws: the interval of each figure
-is a bootstrap over them. Take a seed that nothing was developed on.
-
     python tests/benchmarks/intervals.py fmus/MixedAirCO2 --blind blind --answers blind.answers.json --out intervals
 
-takes the recordings without an effect of opened blind checks instead, whose walls are finer than the model's, each
-with the persons and the actuators that it was made with.
+The recordings are those without an effect of opened blind checks, whose walls are finer than the model's, each with
+the persons and the actuators that it was made with (in ``replay`` the measured heater and air flow stand in place of
+the controllers). Printed: the root mean square of (estimate - truth) / standard deviation in the scale in which the
+prior is standard normal (1 for a Gaussian posterior), the share of 90 % intervals that hold the truth, and how wide
+they are. Recordings are the independent draws: the interval of each figure is a bootstrap over them.
 """
 
 from __future__ import annotations
@@ -27,9 +21,8 @@ from typing import Any
 import numpy as np
 from resumed import depends, resumed
 
-from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.recording import Recording, read_recording
+from diagnosis.recording import Recording
 from diagnosis.usual import HALF_WIDTH
 from shared.errors import ZeroshotError
 from shared.system import System, load_system
@@ -51,16 +44,6 @@ def noisy(record: Recording, system: System, rng: np.random.Generator, preset: s
         shown[k] = np.round(shown[k] / sensor.quantum) * sensor.quantum if sensor.quantum else shown[k]
         shown[k, rng.random(shown.shape[1]) < sensor.dropout] = np.nan
     return replace(record, outputs=shown)
-
-
-def drawn(case: dict[str, Any], system: System) -> tuple[Recording, dict[str, float]]:
-    """A recording of a random room as its sensors show it, and the room's parameters [unit of each]."""
-    system = system.with_experiment(hours=case["hours"], start=(0.0, 8760.0 - case["hours"]))
-    path = Path(case["folder"]) / f"room-{case['seed']}-{case['index']}-{case['kind']}.nc"
-    data = simulate(system, seed=case["seed"], index=case["index"], out=path)
-    record = noisy(read_recording(path, system), system, np.random.default_rng([case["seed"], case["index"]]))
-    path.unlink()
-    return record, {name: float(data[name]) for name in system.parameter_names}
 
 
 def opened(case: dict[str, Any], system: System) -> tuple[Path, dict[str, float]]:
@@ -86,7 +69,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     system = load_system(case["system"])
     began = time.process_time()
     try:
-        record, truth = opened(case, system) if "answers" in case else drawn(case, system)
+        record, truth = opened(case, system)
         done = calibrate(system, record, starts=case["starts"], **KINDS[case["kind"]])
     except ZeroshotError as error:
         return {"error": str(error)}
@@ -121,34 +104,21 @@ def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("system", type=Path)
-    parser.add_argument("--recordings", type=int, default=12)
-    parser.add_argument("--first", type=int, default=0, help="index of the first recording")
-    parser.add_argument("--seed", type=int, default=9300, help="root seed; take one that nothing was developed on")
-    parser.add_argument("--hours", type=float, default=168.0)
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
-    parser.add_argument(
-        "--blind", type=Path, nargs="+", help="folders of opened blind checks, in place of random rooms"
-    )
-    parser.add_argument("--answers", type=Path, nargs="+", help="their answers, in the same order")
+    parser.add_argument("--blind", type=Path, nargs="+", required=True, help="folders of opened blind checks")
+    parser.add_argument("--answers", type=Path, nargs="+", required=True, help="their answers, in the same order")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("intervals"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     common = {"system": str(options.system), "starts": options.starts}
-    if options.blind:
-        several = zip(options.blind, options.answers, strict=True)
-        cases = [common | one for where in several for one in without_effect(*where) if one["kind"] in options.kinds]
-        which = f"{len(cases)} recordings without an effect"
-    else:
-        common |= {"folder": str(options.out), "hours": options.hours, "seed": options.seed}
-        span = range(options.first, options.first + options.recordings)
-        cases = [{**common, "kind": kind, "index": index} for kind in options.kinds for index in span]
-        which = f"{options.hours / 24:g} days, {options.recordings} recordings, root seed {options.seed}"
-    of = depends(options.system, files=options.answers or ())
+    several = zip(options.blind, options.answers, strict=True)
+    cases = [common | one for where in several for one in without_effect(*where) if one["kind"] in options.kinds]
+    of = depends(options.system, files=options.answers)
     rows = resumed(options.out / "cases.jsonl", cases, made, of=of, workers=options.workers)
     names = load_system(options.system).parameter_names
-    print(f"\n{which}\n")
+    print(f"\n{len(cases)} recordings without an effect\n")
     print(
         "| persons | calibrated | error / sd, rms | in 90 % interval | largest | not widened | sd, median | seconds |\n"
         "|---|---|---|---|---|---|---|---|"

@@ -1,6 +1,6 @@
 """Recordings of real rooms through every command: what is kept, how soon and what it answers, how well it forecasts.
 
-    python tests/benchmarks/real_rooms.py FOLDER --out OUT [--rooms NAME ...] [--minutes 8] [--run-with "--seed 1"]
+    python tests/benchmarks/real_rooms.py FOLDER --out OUT [--minutes 8]
 
 FOLDER has a folder a room, each with ``log.csv``, ``mapping.toml`` (it names a system description) and ``room.toml``:
 
@@ -25,13 +25,12 @@ within half of ``--minutes``. Of a shorter stretch 60 % (to whole days) are cont
 forecast and the grey-box model (``greybox.py``, fitted to the context) get the same measured inputs. *Day before*
 repeats the context's last 24 hours, *week before* its last 168. A command that fails or runs out of time leaves its
 sentence under the table.
-Writes ``rooms.md``, ``rooms.csv``, ``rooms.json`` and each command's words to OUT.
+Writes ``rooms.md``, ``rooms.json`` and each command's words to OUT.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
 import resource
@@ -193,11 +192,11 @@ def forecast(room: Room, system: str) -> None:
     room.row["forecast_covered"] = {name: one["covered"] for name, one in report["outputs"].items() if one}
 
 
-def diagnosed(room: Room, system: str, more: list[str]) -> None:
+def diagnosed(room: Room, system: str) -> None:
     """Diagnose the context."""
     out = room.out / "answer"
     words = ["diagnosis", "run", system, str(room.out / "context.nc"), "--out", str(out)]
-    told = room.command("run", [*words, "--minutes", f"{room.minutes / 2:g}", *more])
+    told = room.command("run", [*words, "--minutes", f"{room.minutes / 2:g}"])
     if told is None:
         return
     report = json.loads((out / "report.json").read_text())
@@ -262,7 +261,7 @@ def off(made: np.ndarray, read: np.ndarray, split: int) -> list[float]:
     return [float(one) for one in np.sqrt(np.nanmean((made - read)[:, split:] ** 2, axis=1))]
 
 
-def tried(room: Room, more: list[str]) -> None:
+def tried(room: Room) -> None:
     """All commands on one room."""
     data = imported(room)
     predicted(room)
@@ -275,7 +274,7 @@ def tried(room: Room, more: list[str]) -> None:
         room.failures["baselines"] = repr(error)
     if calibrated(room, system):
         forecast(room, system)
-    diagnosed(room, system, more)
+    diagnosed(room, system)
 
 
 def table(rooms: list[Room]) -> str:
@@ -323,28 +322,12 @@ def counted(inside: dict[str, bool] | None) -> str:
 
 
 def write(rooms: list[Room], out: Path) -> None:
-    """The three files."""
+    """Both files."""
     (out / "rooms.md").write_text(table(rooms))
     told = [
         {"room": one.source.name, "title": one.about["title"], **one.row, "failures": one.failures} for one in rooms
     ]
     (out / "rooms.json").write_text(json.dumps(told, indent=1))
-    flat = [
-        {
-            key: value
-            for name, cell in one.items()
-            for key, value in (
-                {f"{name}.{k}": v for k, v in cell.items()} if isinstance(cell, dict) else {name: cell}
-            ).items()
-        }
-        for one in told
-    ]
-    with (out / "rooms.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(
-            file, sorted({key for one in flat for key in one}, key=lambda key: (key != "room", key))
-        )
-        writer.writeheader()
-        writer.writerows(flat)
 
 
 def main() -> None:
@@ -352,20 +335,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--rooms", nargs="*", help="names of folders; all if not given")
     parser.add_argument("--minutes", type=float, default=8.0, help="a command is stopped after so long")
-    parser.add_argument("--run-with", default="", help="more options of diagnosis run")
     options = parser.parse_args()
-    sources = sorted(one.parent for one in options.folder.glob("*/room.toml"))
     rooms: list[Room] = []
-    for source in sources:
-        if options.rooms and source.name not in options.rooms:
-            continue
+    for source in sorted(one.parent for one in options.folder.glob("*/room.toml")):
         out = (options.out / source.name).resolve()
         out.mkdir(parents=True, exist_ok=True)
         room = Room(source.resolve(), out, options.minutes, tomllib.loads((source / "room.toml").read_text()))
         rooms.append(room)
-        tried(room, shlex.split(options.run_with))
+        tried(room)
         write(rooms, options.out)
     print(table(rooms))
 

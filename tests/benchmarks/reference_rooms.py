@@ -18,12 +18,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import xarray as xr
-from any_room import CHICAGO, COLUMNS, WEEK
+from any_room import COLUMNS, WEEK, reference_series
 
-from datagen.driving.transposition import irradiance_on_plane
 from diagnosis import diagnose, read_report
 from shared.shipped import resolved
-from shared.signals import Weather
 from shared.system import System, load_system
 
 WEEKS = (3, 11, 19, 28, 37, 46)
@@ -60,14 +58,8 @@ def description(folder: Path) -> System:
 
 def recordings(source: Path, folder: Path, system: System) -> dict[Path, int]:
     """A week each, and the number of its room."""
-    weather, rng, made = pd.read_csv(source / "weather.csv.gz"), np.random.default_rng(20261128), {}
-    sun = (weather[name].to_numpy() for name in ("dni_W_m2", "dhi_W_m2", "ghi_W_m2"))
-    facade = irradiance_on_plane(Weather(files=["none"]), weather["time_s"].to_numpy(float), *sun, **CHICAGO)
-    for room in range(len(pd.read_csv(source / "systems.csv"))):
-        read = pd.read_csv(source / f"room{room + 1}.csv.gz")
-        series = {"TRoo": read["TRoo_K"], "CO2": read["CO2_above_outdoor_ppm"] + 420.0, "QHea": read["QHea_W"]}
-        series |= {"mOA": read["mOA_kg_s"], "TDryBul": weather["outdoor_temp_K"], "TSky": weather["sky_temp_K"]}
-        series |= {"winSpe": weather["wind_m_s"], "HFac": pd.Series(facade)}
+    rng, made = np.random.default_rng(20261128), {}
+    for room, (read, series) in enumerate(reference_series(source)):
         for week in WEEKS:
             after = np.arange(week * WEEK, (week + 1) * WEEK) + 1
             units = {"units": "seconds since 2001-01-01 00:00:00"}

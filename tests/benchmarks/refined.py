@@ -9,9 +9,7 @@ told that there is none, a fit makes parameters of persons who came within the h
 each condition and parameter: R2 over the rooms of both and of their mean, with 90 % intervals by room, and how alike
 their errors are: where two unlike methods err in the same rooms in the same way, it is the data that do not tell.
 Beside them belongs the limit of ``datagen identifiability`` (docs/results.md). The command also fits the uncertain
-constants of the description, which these rooms have as declared, or, with ``--drawn``, as uncertain as they are said to
-be. ``--known`` fits without them too, as the limit and the estimator know them: once from the estimate, and once from
-the true parameters, as nobody can: what that still misses, no start mends. Take a seed that nothing was developed on.
+constants of the description, which these rooms have as declared. Take a seed that nothing was developed on.
 """
 
 from __future__ import annotations
@@ -28,16 +26,12 @@ from resampling import bootstrap_by_system
 from resumed import depends, resumed
 
 from datagen import simulate
-from datagen.simulating.constants import constants, values_of
-from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.fitting.fit import fit
-from diagnosis.fitting.problem import Problem
-from diagnosis.recording import HOUR, Recording, read_recording
+from diagnosis.recording import read_recording
 from diagnosis.usual import HALF_WIDTH
 from shared.errors import ZeroshotError
 from shared.metrics import r2
-from shared.system import System, load_system
+from shared.system import load_system
 from trainer.intervals import r2_interval
 
 
@@ -46,8 +40,7 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     hours, seed, index = case["hours"], case["seed"], case["index"]
     system = load_system(case["system"]).with_experiment(hours=hours, start=(0.0, 8760.0 - hours))
     path = Path(case["folder"]) / f"room-{seed}-{index}-{case['noise']}-{len(case['without'])}.nc"
-    set_ = drawn(system, np.random.default_rng([seed, index, 1])) if case["drawn"] else {}
-    data = simulate(system, parameters=set_, seed=seed, index=index, out=path)
+    data = simulate(system, seed=seed, index=index, out=path)
     record = read_recording(path, system)
     if case["noise"] != "none":
         record = noisy(record, system, np.random.default_rng([seed, index]), case["noise"])
@@ -57,14 +50,9 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     truth = {name: float(data[name]) for name in system.parameter_names}
     began = time.process_time()
     try:
-        done = calibrate(
-            system, record, run=case["run"], occupancy="unknown", noise=case["believed"], starts=1
-        )  # fmt: skip
+        done = calibrate(system, record, run=case["run"], occupancy="unknown", noise="sensor", starts=1)
         spent = time.process_time() - began
         told = {one.name: one for one in done.report.parameters}
-        alone = {name: told[name].zero_shot for name in truth}
-        begun = {"from the estimate": alone, "from the truth": truth} if case["known"] else {}
-        known = {how: known_constants(system, record, at, case["believed"]) for how, at in begun.items()}
     except ZeroshotError as error:
         return {"error": str(error)}
     finally:
@@ -73,9 +61,8 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     off = done.fit.z[:count] - done.problem.unknowns(truth)[:count]
     return {
         "truth": truth,
-        "zero-shot": alone,
+        "zero-shot": {name: told[name].zero_shot for name in truth},
         "calibrated": {name: told[name].value for name in truth},
-        **known,
         "error": None,
         "off": (off / np.sqrt(np.diag(done.report.covariance))[:count]).tolist(),
         "converged": done.report.converged,
@@ -84,37 +71,20 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def drawn(system: System, rng: np.random.Generator) -> dict[str, float]:
-    """FMU parameters [unit of each] of uncertain constants drawn from what the description says of them."""
-    known = constants(system, Simulator(system).fmu)
-    return values_of(known, np.exp([one.relative * rng.standard_normal() for one in known]))
-
-
-def known_constants(system: System, record: Recording, begin: dict[str, float], noise: str) -> dict[str, float]:
-    """Parameters that a fit ends at which begins at these and knows the constants."""
-    simulator = Simulator(system.with_experiment(step=record.step, hours=len(record.time) * record.step / HOUR))
-    problem = Problem(simulator, record, noise=noise, occupancy="unknown", known=["constants"])
-    values = problem.values(fit(problem, [problem.unknowns(begin)], estimate_noise=True).z).tolist()
-    return dict(zip(begin, values[: len(begin)], strict=True))
-
-
 def table(rows: list[dict[str, Any]], title: str) -> None:
     """Print R2 of both by parameter."""
     some = [row for row in rows if row["error"] is None]
-    extra = [one for one in ("from the estimate", "from the truth") if some and one in some[0]]
     if len(some) < 2:
         print(f"\n{title}: {len(some)} of {len(rows)} could be calibrated")
         return
     names = list(some[0]["truth"])
-    truth, alone, refined, *known = (
-        np.array([[row[key][name] for name in names] for row in some])
-        for key in ("truth", "zero-shot", "calibrated", *extra)
+    truth, alone, refined = (
+        np.array([[row[key][name] for name in names] for row in some]) for key in ("truth", "zero-shot", "calibrated")
     )
 
     def scores(which: np.ndarray) -> np.ndarray:
-        ones = (alone, refined, 0.5 * (alone + refined), *known)
-        each = [r2(truth[which], one[which]) for one in ones]
-        return np.array([[*one, one.mean()] for one in [*each[:3], each[1] - each[0], *each[3:]]])
+        each = [r2(truth[which], one[which]) for one in (alone, refined, 0.5 * (alone + refined))]
+        return np.array([[*one, one.mean()] for one in [*each, each[1] - each[0]]])
 
     found = scores(np.arange(len(some)))
     low, high = r2_interval(np.arange(len(some)), scores)
@@ -127,16 +97,12 @@ def table(rows: list[dict[str, Any]], title: str) -> None:
         f" median {np.median([row['simulations'] for row in some]):.0f} simulations,"
         f" {np.median([row['seconds'] for row in some]):.0f} s\n\n"
         "| parameter | zero-shot | calibrated | mean of both | gained by calibrating | correlation of the errors "
-        f"| 90 % intervals that hold |{''.join(f' known constants, {one} |' for one in extra)}\n"
-        f"|{'---|' * (7 + len(extra))}"
+        f"| 90 % intervals that hold |\n|{'---|' * 7}"
     )
     alike = [np.corrcoef(alone[:, k] - truth[:, k], refined[:, k] - truth[:, k])[0, 1] for k in range(len(names))]
     for k, name in enumerate([*names, "mean"]):
         cells = [f"{found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}]" for m in range(4)]
-        print(
-            f"| {name} | {' | '.join(cells)} | {[*alike, np.mean(alike)][k]:.2f} | {100 * held[k]:.0f}% |"
-            + "".join(f" {found[m, k]:.2f} [{low[m, k]:.2f}, {high[m, k]:.2f}] |" for m in range(4, 4 + len(extra)))
-        )
+        print(f"| {name} | {' | '.join(cells)} | {[*alike, np.mean(alike)][k]:.2f} | {100 * held[k]:.0f}% |")
 
 
 def main() -> None:
@@ -148,18 +114,12 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=168.0)
     parser.add_argument("--seed", type=int, required=True, help="root seed; take one that nothing was developed on")
     parser.add_argument("--noise", nargs="+", default=["sensor", "none"])
-    parser.add_argument("--believed", default="sensor", help="preset that every fit begins with, as the commands do")
     parser.add_argument("--without", nargs="*", default=[], help="outputs that were not measured, for a second set")
-    parser.add_argument(
-        "--known", action="store_true", help="also fit with known constants, and from the true parameters"
-    )
-    parser.add_argument("--drawn", action="store_true", help="rooms with uncertain constants drawn")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("refined"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    common = {"system": str(options.system), "run": str(options.run), "hours": options.hours, "seed": options.seed,
-              "known": options.known, "drawn": options.drawn, "believed": options.believed}  # fmt: skip
+    common = {"system": str(options.system), "run": str(options.run), "hours": options.hours, "seed": options.seed}
     sets = [[], options.without] if options.without else [[]]
     conditions = [(noise, without) for noise in options.noise for without in sets]
     cases = [

@@ -6,7 +6,7 @@ the time the FMU's own functions take, called as often, one after another, with 
 time of the simulations of a fit goes. Times are of the processor, not of the clock, so that others on the machine
 disturb them less.
 
-Run: ``python tests/benchmarks/simulation.py [--days 365]``, or with ``--fit`` for the last part alone.
+Run: ``python tests/benchmarks/simulation.py [--days 365]``.
 """
 
 from __future__ import annotations
@@ -127,11 +127,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--days", type=int, default=365)
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--fit", action="store_true", help="only where the time of the simulations of a fit goes")
     options = parser.parse_args()
-    if options.fit:
-        fit()
-        return
     system = load_system(HERE / "fmus" / "MixedAirCO2" / "system.toml")
     simulator = Simulator(system)
     stop = options.days * 86400.0

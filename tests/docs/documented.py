@@ -1,10 +1,15 @@
 """Commands that stand in the documents, and how each of them is held: run from its page, elsewhere, or by hand."""
 
+import importlib.util
 import re
 import shlex
+import sys
 from fnmatch import fnmatchcase
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = [
@@ -38,7 +43,7 @@ ELSEWHERE = {
     "python ../verify.py": ("fmus/test_modelica_export.py", "test_check_passes_a_good_fmu_and_writes_its_description"),
     "python docs/gallery/forecast.py": ("docs/test_gallery.py", "test_a_forecast_from_a_week"),
     "python docs/gallery/house.py": ("docs/test_gallery.py", "test_a_house_of_my_own"),
-    "python docs/making/samples.py": ("docs/test_making.py", "test_the_samples_are_pages_that_stand_alone"),
+    "python docs/making/samples.py": ("docs/test_project.py", "test_the_samples_are_pages_that_stand_alone"),
     "python docs/making/licences.py": ("docs/test_project.py", "test_the_licence_page_is_what_its_script_finds_here"),
     "python tests/docs/plain_english.py": ("docs/test_plain_english.py", "test_the_script_prints_a_line_for_each_page"),
     "python fmus/build.py": ("datagen/comparing/test_comparison.py", "finer"),
@@ -49,6 +54,18 @@ MOST = {"--systems": 40, "--steps": 2, "--trials": 2, "--windows": 30}
 """Sizes: of so many houses there are four to calibrate a posterior with, and no page shows what comes of them."""
 ROOMS = 20
 """So many of the default room, which takes longer to simulate than a house: there are two to evaluate on."""
+
+
+@cache
+def script(name):
+    """A script of the documentation, such as ``making/pages``, as a module."""
+    path = ROOT / "docs" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"docs_{path.stem}", path)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(path.parent))
+        spec.loader.exec_module(module)
+    return module
 
 
 def first_words(words):

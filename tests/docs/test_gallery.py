@@ -1,9 +1,6 @@
 """The scripts of the gallery: what they find is held against the truth, and against the tables of their pages."""
 
-import importlib.util
 import re
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,25 +8,11 @@ import xarray as xr
 
 import datagen
 from shared.system import load_system
+from tests.datagen.faults import stay_in_this_process
+from tests.docs.documented import ROOT, script
 
-ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "docs" / "gallery"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-
-
-@pytest.fixture
-def script(monkeypatch):
-    """``script(name)``: a script of the gallery as a module."""
-    monkeypatch.syspath_prepend(str(GALLERY))
-
-    def load(name):
-        spec = importlib.util.spec_from_file_location(f"gallery_{name}", GALLERY / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        monkeypatch.setitem(sys.modules, spec.name, module)
-        spec.loader.exec_module(module)
-        return module
-
-    return load
 
 
 def without(text, columns):
@@ -58,8 +41,8 @@ def assert_page_is_true(name, made, rel, shaky=()):
 
 
 @pytest.mark.slow
-def test_a_forecast_from_a_week(script, tmp_path):
-    forecast = script("forecast")
+def test_a_forecast_from_a_week(tmp_path):
+    forecast = script("gallery/forecast")
     made = forecast.work(tmp_path)
     held = [low <= true <= high for true, _, low, high in made.parameters.values()]
     assert sum(held) >= 6  # of eight 90 % intervals
@@ -73,8 +56,8 @@ def test_a_forecast_from_a_week(script, tmp_path):
     assert_page_is_true("forecast", "\n".join(forecast.tables(made)), rel=0.05)
 
 
-def test_the_fmu_of_the_house_solves_its_equations(script, tmp_path):
-    house = script("house")
+def test_the_fmu_of_the_house_solves_its_equations(tmp_path):
+    house = script("gallery/house")
     system = house.build_fmu(tmp_path)
     room = datagen.simulate(system, parameters=house.TRUTH, hours=72, seed=3)
     begin = float(room["time"][0]) / 3600 - 1
@@ -86,8 +69,9 @@ def test_the_fmu_of_the_house_solves_its_equations(script, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_house_of_my_own(script, tmp_path):
-    house = script("house")
+def test_a_house_of_my_own(tmp_path, monkeypatch):
+    stay_in_this_process(monkeypatch)  # a worker would import all of it again
+    house = script("gallery/house")
     made = house.work(tmp_path)
     assert min(made.r2.values()) > 0.85
     for name, value in made.estimate.items():

@@ -1,6 +1,5 @@
 """The quick commands of the pages do what the pages say, in the order in which they stand there."""
 
-import importlib.util
 import json
 import re
 import shlex
@@ -18,7 +17,7 @@ from diagnosis.cli import app as diagnosis_app
 from shared.console import start
 from shared.system import load_system
 from tests.datagen.faults import stay_in_this_process
-from tests.docs.documented import ROOMS, ROOT, in_blocks, runs_here, smaller
+from tests.docs.documented import ROOMS, ROOT, in_blocks, runs_here, script, smaller
 from trainer.cli import app as trainer_app
 from trainer.runs.checkpoint import load_run
 
@@ -36,7 +35,7 @@ def run(tmp_path_factory):
     shutil.copy(ROOT / "docs/example/measurements.csv", folder)
     shutil.copy(ROOT / "docs/example/mapping.toml", folder)
     for name in ("mine", "other"):
-        build_house(folder / name)
+        script("gallery/house").build_fmu(folder / name)
     datagen.simulate(folder / "mine", hours=168, out=folder / "own" / "recording.nc")
     (folder / "own" / "mine").symlink_to(folder / "mine")
     done = set()
@@ -46,6 +45,7 @@ def run(tmp_path_factory):
         count = 0
         with pytest.MonkeyPatch.context() as patch:
             stay_in_this_process(patch)
+            patch.setattr("datagen.simulating.liveness.check_live_apart", lambda *_, **__: {})
             patch.chdir(here)
             for words in in_blocks((ROOT / page).read_text(encoding="utf-8")):
                 less = smaller(words)
@@ -56,16 +56,6 @@ def run(tmp_path_factory):
         return here, count
 
     return run_page
-
-
-def build_house(folder):
-    """The house of the gallery with its FMU."""
-    spec = importlib.util.spec_from_file_location("house_of_the_pages", ROOT / "docs/gallery/house.py")
-    script = importlib.util.module_from_spec(spec)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "docs/gallery"))
-        spec.loader.exec_module(script)
-    script.build_fmu(folder)
 
 
 @pytest.mark.slow
@@ -120,19 +110,15 @@ def test_the_measurements_of_the_example_come_back_as_they_were(run, capsys):
         assert np.sqrt(np.mean(error**2)) == pytest.approx(np.hypot(sd, rounded / 12**0.5), rel=0.2), name
         assert abs(error.mean()) < 5 * sd / np.sqrt(len(error)), name
     assert len(found["time"]) > 400
-    assert (
-        float(np.corrcoef(found["HFac"], room["HFac"])[0, 1]) > 0.9
-    )  # split and transposed again, from the horizontal
+    # split and transposed again, from the horizontal
+    assert float(np.corrcoef(found["HFac"], room["HFac"])[0, 1]) > 0.9
     np.testing.assert_allclose(found["TDryBul"], room["TDryBul"], atol=0.06)
     assert "assumed" in capsys.readouterr().out
 
 
 def test_the_log_of_the_example_is_what_its_script_makes():
-    spec = importlib.util.spec_from_file_location("example_measurements", ROOT / "docs/making/measurements.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
     kept = pd.read_csv(ROOT / "docs/example/measurements.csv")
-    made = script.measurements()
+    made = script("making/measurements").measurements()
     assert list(kept["time"]) == list(made["time"])
     for name in kept.columns[1:]:
         # another platform's rounding may move a reading by one digit of its sensor

@@ -1,7 +1,7 @@
 """The project's papers: README, citation, changelog, licences."""
 
 import ast
-import importlib.util
+import importlib
 import inspect
 import os
 import re
@@ -11,12 +11,11 @@ import tomllib
 from pathlib import Path
 
 import yaml
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
+from diagnosis import read_report
 from shared import __version__
+from tests.docs.documented import ROOT, script
 
-ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("shared", "datagen", "trainer", "diagnosis")
 
 
@@ -48,34 +47,21 @@ def test_the_changelog_has_this_version_and_only_kinds_of_change_that_keep_a_cha
     assert kinds <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
 
 
-def test_the_licence_page_names_every_package_that_every_extra_asks_for():
-    rows = {}
-    for line in (ROOT / "docs/licences.md").read_text(encoding="utf-8").splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if len(cells) > 2 and not cells[0].startswith("-"):
-            rows[cells[0]] = cells[1:]
-    heads = rows.pop("package")
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    asked = {"(none)": project["dependencies"], **project["optional-dependencies"]}
-    assert {*asked} - {"dev"} == {*heads[1:]}
-    for extra in heads[1:]:
-        for text in asked[extra]:
-            one = Requirement(text)
-            if one.name != project["name"]:
-                cells = rows[canonicalize_name(one.name)]
-                assert cells[heads.index(extra)] == "x", f"{one.name} of {extra}"
-                assert cells[0] and not cells[0].startswith("not stated"), one.name
-
-
 def test_the_licence_page_is_what_its_script_finds_here():
     """Names only: which packages come along is a matter of versions, their licence texts too."""
-    spec = importlib.util.spec_from_file_location("licences", ROOT / "docs/making/licences.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    kept = (ROOT / "docs/licences.md").read_text(encoding="utf-8")
-    for extra in script.EXTRAS:
-        for name in script.needed(extra):
-            assert f"\n| {name} |" in kept, f"{name}: run python docs/making/licences.py"
+    licences, rows = script("making/licences"), {}
+    for line in (ROOT / "docs/licences.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith("| "):
+            name, licence, *marks = (cell.strip() for cell in line.strip("|").split("|"))
+            rows[name] = (licence, marks)
+    _, extras = rows.pop("package")
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert {*extras} == {*declared, "(none)"} - {"dev"} and len(extras) == len(licences.EXTRAS)
+    for extra in licences.EXTRAS:
+        for name in licences.needed(extra):
+            licence, marks = rows.get(name, ("", []))
+            assert licence and not licence.startswith("not stated"), f"{name}: run python docs/making/licences.py"
+            assert marks[extras.index(extra or "(none)")] == "x", f"{name} of {extra}"
 
 
 def test_no_name_of_the_default_room_is_in_the_packages(default_system):
@@ -99,3 +85,15 @@ def test_the_demo_is_a_program_of_the_checkout():
     words = [sys.executable, line.split()[1], "--help"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert done.returncode == 0 and "--systems" in done.stdout, done.stderr
+
+
+def test_the_samples_are_pages_that_stand_alone():
+    folder = ROOT / "docs/samples"
+    assert {one.stem for one in folder.glob("*.html")} == {"effect", "none_of_these", "no_gap", "forecast"}
+    for path in folder.glob("*.html"):
+        page = path.read_text(encoding="utf-8")
+        assert len(page) < 2_500_000 and "data:image/png;base64," in page
+        outside = re.sub("<script>.*?</script>", "", page, flags=re.S)
+        assert not re.findall(r"""<script|(?:src|href)=["'](?!data:|#)""", outside), path.name
+        assert "/tmp/" not in page and str(Path.home()) not in page, path.name
+    assert read_report(folder / "effect.json").verdict == "effect"

@@ -94,32 +94,8 @@ def test_the_reference_has_the_public_functions_with_their_parameters(site):
     assert "relative tolerance of the integrator" in _text(site / "reference/system.html")
 
 
-def test_the_command_page_has_every_command_and_option_of_the_command_lines(site):
-    from datagen.cli import app as datagen_app
-    from diagnosis.cli import app as diagnosis_app
-    from trainer.cli import app as trainer_app
-
-    said, checked = _text(site / "reference/commands.html"), 0
-    for app in (datagen_app, trainer_app, diagnosis_app):
-        for words, command in _commands(app, app.name[0]):
-            assert words in said
-            for argument in command.assemble_argument_collection():
-                if argument.name.startswith("--"):
-                    assert argument.name in said, f"{words}: {argument.name}"
-                    checked += 1
-    assert checked > 100
-
-
 def test_files_of_the_repository_are_on_their_pages(site):
     assert "fmu = " in _text(site / "docs/gallery/house/system.toml.html")
-
-
-def _commands(app, words):
-    """Every command below an application, with the words that call it."""
-    for name in app:
-        if not name.startswith("-"):
-            below = app[name]
-            yield from [(f"{words} {name}", below)] if below.default_command else _commands(below, f"{words} {name}")
 
 
 def _text(path):

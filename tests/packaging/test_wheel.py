@@ -18,7 +18,8 @@ from packaging.utils import canonicalize_name
 
 from datagen import simulate
 from shared import __version__
-from tests.packaging.wheels import HOLDS, PACKAGE, PROMISES, ROOT, build, index_answers, install, requirements, unpacked
+from tests.docs.documented import script
+from tests.packaging.wheels import HOLDS, PACKAGE, PROMISES, ROOT, build, index_answers, install, unpacked
 
 pytestmark = pytest.mark.slow
 
@@ -96,16 +97,16 @@ ALONE = {
 """Modules that need another extra, and say so."""
 
 
-@pytest.mark.parametrize("extra", PROMISES, ids=lambda extra: extra or "bare")
-def test_an_extra_brings_all_that_its_package_imports(extra):
-    package, homes, brought = extra or "shared", packages_distributions(), requirements(extra)
-    graph = grimp.build_graph(
-        "shared", "datagen", "trainer", "diagnosis", include_external_packages=True, cache_dir=None
-    )
-    mine = graph.find_descendants(package) - ALONE
-    tops = {one.partition(".")[0] for each in mine for one in graph.find_modules_directly_imported_by(each)}
-    foreign = tops - {*sys.stdlib_module_names, "shared", "datagen", "trainer", "diagnosis", "fmus"}
-    assert foreign and not [one for one in foreign if brought.isdisjoint(map(canonicalize_name, homes.get(one, ())))]
+def test_an_extra_brings_all_that_its_package_imports():
+    ours, homes = ("shared", "datagen", "trainer", "diagnosis"), packages_distributions()
+    graph = grimp.build_graph(*ours, include_external_packages=True, cache_dir=None)
+    for extra in PROMISES:
+        brought = script("making/licences").needed(extra)
+        mine = graph.find_descendants(extra or "shared") - ALONE
+        tops = {one.partition(".")[0] for each in mine for one in graph.find_modules_directly_imported_by(each)}
+        foreign = tops - {*sys.stdlib_module_names, *ours, "fmus"}
+        assert foreign, extra
+        assert not [one for one in foreign if brought.isdisjoint(map(canonicalize_name, homes.get(one, ())))], extra
 
 
 def test_the_wheel_has_every_module_and_its_estimator_predicts(dist, tmp_path):

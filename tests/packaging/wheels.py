@@ -12,11 +12,7 @@ import sys
 import zipfile
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import requires
 from pathlib import Path
-
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "zeroshot-fmu"
@@ -122,20 +118,6 @@ def unpacked(wheel: Path, folder: Path) -> Environment:
     with zipfile.ZipFile(wheel) as opened:
         opened.extractall(folder)
     return Environment(Path(sys.prefix), folder)
-
-
-def requirements(extra: str) -> set[str]:
-    """All distributions that come with the project and an extra, those that others require among them."""
-    found: set[tuple[str, str]] = set()
-    left = [(PACKAGE, extra)]
-    while left:
-        one, extra = left.pop()
-        for text in () if (one, extra) in found else requires(one) or ():
-            needed = Requirement(text)
-            if needed.marker is None or any(needed.marker.evaluate({"extra": each}) for each in ("", extra)):
-                left += [(canonicalize_name(needed.name), each) for each in ("", *needed.extras)]
-        found.add((one, extra))
-    return {one for one, _ in found}
 
 
 @cache

@@ -128,13 +128,3 @@ def test_units_in_brackets_are_printed_as_they_stand(capsys):
     new_console().print(table)
     said = capsys.readouterr().out
     assert all(text in said for text in ("room [degC]", "[h]", "of [/min]", "gas [/min]", "[bold]"))
-
-
-def test_a_long_cell_is_folded_and_nothing_of_it_is_lost(monkeypatch, capsys):
-    monkeypatch.setattr("shared.console._PIPED_WIDTH", 40)
-    monkeypatch.setenv("COLUMNS", "40")
-    table = Table("name", "hash", box=None)
-    table.add_row("a", "0123456789" * 5)
-    new_console().print(table)
-    said = capsys.readouterr().out
-    assert "…" not in said and "".join(said.split()) == "namehasha" + "0123456789" * 5

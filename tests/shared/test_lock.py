@@ -28,16 +28,9 @@ def holder(tmp_path):
     process.wait()
 
 
-def test_the_lock_of_a_killed_run_is_free(tmp_path, holder):
+def test_the_lock_of_a_killed_run_is_free_and_who_is_at_work_is_known_to_who_only_looks(tmp_path, holder):
     with pytest.raises(DatasetError, match=f"process {holder.pid} on"), FolderLock(tmp_path):
         pass
-    holder.kill()
-    holder.wait()
-    with FolderLock(tmp_path):
-        assert read_holder(tmp_path)["pid"] == os.getpid()
-
-
-def test_who_is_at_work_is_known_to_who_only_looks(tmp_path, holder):
     assert at_work(tmp_path).startswith(f"process {holder.pid} on {socket.gethostname()}, since 2")
     holder.kill()
     holder.wait()

@@ -7,12 +7,6 @@ from scipy.stats import linregress
 from shared.metrics import r2, relative_accuracy
 
 
-def test_r2_by_hand():
-    truth = np.array([[1.0], [2.0], [3.0]])
-    estimate = np.array([[1.0], [2.0], [5.0]])
-    assert r2(truth, estimate)[0] == pytest.approx(1 - 4 / 2)
-
-
 def test_r2_equals_squared_correlation_of_a_least_squares_fit():
     rng = np.random.default_rng(0)
     x = rng.normal(size=200)
@@ -22,10 +16,6 @@ def test_r2_equals_squared_correlation_of_a_least_squares_fit():
 
 
 def test_r2_of_a_constant_truth_is_not_a_number():
-    assert np.isnan(r2(np.ones((3, 1)), np.zeros((3, 1)))[0])
-
-
-def test_rounding_is_no_variation():
     """The mean of equal numbers is seldom that very number: R2 was -1e30 for windows of one system."""
     truths = np.random.default_rng(5).uniform(1e-6, 1e3, size=200)
     assert all(np.isnan(r2(np.full((31, 1), one), np.full((31, 1), 1.1 * one))[0]) for one in truths)

@@ -6,25 +6,21 @@ from shared.numbers import counted, number
 
 
 @pytest.mark.parametrize(
-    ("value", "digits", "text"),
+    ("value", "digits", "signed", "text"),
     [
-        (-282.049, 2, "-280"),
-        (1234.5, 3, "1230"),
-        (3.7e-6, 2, "3.7e-06"),
-        (2.5e7, 2, "2.5e+07"),
-        (-0.0, 4, "0"),
-        (None, 4, "–"),
+        (-282.049, 2, False, "-280"),
+        (1234.5, 3, False, "1230"),
+        (3.7e-6, 2, False, "3.7e-06"),
+        (2.5e7, 2, False, "2.5e+07"),
+        (-0.0, 4, False, "0"),
+        (None, 4, False, "–"),
+        (1050.0, 3, True, "+1050"),
+        (-1050.0, 3, True, "-1050"),
+        (0.0, 3, True, "0"),
     ],
 )
-def test_numbers_are_written_without_powers_of_ten_and_zero_without_a_sign(value, digits, text):
-    assert number(value, digits) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(118.0, "+118"), (1050.0, "+1050"), (-1050.0, "-1050"), (0.0, "0"), (1.5e-3, "+0.0015")]
-)
-def test_a_signed_number_has_its_plus(value, text):
-    assert number(value, 3, signed=True) == text
+def test_numbers_are_written_without_powers_of_ten_and_zero_without_a_sign(value, digits, signed, text):
+    assert number(value, digits, signed=signed) == text
 
 
 def test_one_has_no_plural():

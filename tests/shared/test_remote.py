@@ -18,40 +18,20 @@ from datagen import copy
 from shared import remote
 from shared.errors import DatasetError
 from shared.places import is_url, url_of
-from shared.schema import build_shard
-from shared.store import DatasetFolder, Manifest, read_manifest, sha256_of, write_manifest, write_shard
-from shared.system import load_system
-
-ROOT = Path(__file__).resolve().parents[2]
+from shared.store import DatasetFolder, read_manifest, sha256_of
+from tests.shared.datasets import write_dataset
 
 
-def write_dataset(folder, blocks, seed=3):
-    """A dataset of random numbers with these systems in its shards."""
-    system = load_system(ROOT / "fmus" / "MixedAirCO2")
-    (folder / "shards").mkdir(parents=True)
-    entries = []
-    for number, indices in enumerate(blocks):
-        rng = np.random.default_rng([seed, indices[0]])
-        shard = build_shard(
-            system,
-            indices=np.array(indices),
-            root_seed=seed,
-            parameters=rng.random((len(indices), len(system.parameters))),
-            outputs=rng.random((len(indices), len(system.outputs), 24)),
-            inputs=rng.random((len(indices), len(system.inputs), 24)),
-            attributes={"fmu_sha256": "0" * 64, "root_seed": f"{seed}"},
-        )
-        entries.append(write_shard(folder / "shards" / f"shard-{number:06d}.nc", shard, indices))
-    facts = {"system_name": system.name, "system_hash": system.hash(), "system": system.canonical()}
-    facts |= {"fmu_sha256": "0" * 64, "root_seed": seed, "systems": 6, "shard_size": 2, "shards": entries}
-    write_manifest(folder, Manifest(**facts))
+def dataset(folder, blocks, seed=3):
+    """One that is to have six systems, with a card."""
+    write_dataset(folder, blocks, seed, systems=6, shard_size=2)
     (folder / "README.md").write_text("a card")
     return folder
 
 
 @pytest.fixture
 def ours(tmp_path):
-    return write_dataset(tmp_path / "ours", [[0, 1], [2, 3], [4, 5]])
+    return dataset(tmp_path / "ours", [[0, 1], [2, 3], [4, 5]])
 
 
 def content(folder):
@@ -179,13 +159,13 @@ def test_a_place_of_another_kind_gets_a_file_only_whole(ours, tmp_path, monkeypa
 
 
 def test_a_dataset_grows_where_it_is_and_nothing_is_lost(ours, tmp_path):
-    small = write_dataset(tmp_path / "small", [[0, 1], [2, 3]])
+    small = dataset(tmp_path / "small", [[0, 1], [2, 3]])
     copy(small, tmp_path / "copy")
     assert copy(ours, tmp_path / "copy").kept == 2
     assert content(tmp_path / "copy") == content(ours)
     with pytest.raises(DatasetError, match=r"copy: has 2 systems that .*small lacks; expected a new place"):
         copy(small, tmp_path / "copy")
-    other = write_dataset(tmp_path / "other", [[0, 1]], seed=4)
+    other = dataset(tmp_path / "other", [[0, 1]], seed=4)
     with pytest.raises(DatasetError, match=r"copy: holds another dataset \(root_seed is 3, that of .*other is 4\)"):
         copy(other, tmp_path / "copy")
     (tmp_path / "thesis").mkdir()
@@ -200,22 +180,22 @@ def test_a_url_is_read_through_a_cache_whose_shards_are_verified(ours, web, tmp_
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     url = f"{web.url}/ours"
     caplog.set_level(logging.INFO, "zeroshot")
-    dataset = DatasetFolder(Path(url))  # a command line makes a Path of it
-    assert dataset.folder.name == sha256_of(ours / "manifest.json")
+    there = DatasetFolder(Path(url))  # a command line makes a Path of it
+    assert there.folder.name == sha256_of(ours / "manifest.json")
     assert [one.message for one in caplog.records if "read from" in one.message] == [
-        f"{url}: read from {dataset.folder}, 3 shards fetched"
+        f"{url}: read from {there.folder}, 3 shards fetched"
         f" ({sum(one.stat().st_size for one in (ours / 'shards').iterdir()) / 2**20:.1f} MiB), 0 were there"
     ]
-    np.testing.assert_array_equal(dataset.load().values, DatasetFolder(ours).load().values)
-    shard = dataset.folder / "shards" / "shard-000000.nc"
+    np.testing.assert_array_equal(there.load().values, DatasetFolder(ours).load().values)
+    shard = there.folder / "shards" / "shard-000000.nc"
     shard.write_bytes(shard.read_bytes()[:-1])
     web.asked.clear()
     assert DatasetFolder(url).load().values.shape[0] == 6
     assert [path for path in web.asked if path.endswith(".nc")] == ["/ours/shards/shard-000000.nc"]
     shutil.rmtree(ours)
-    write_dataset(ours, [[0, 1]])
+    dataset(ours, [[0, 1]])
     assert len(DatasetFolder(url).manifest.done()) == 2  # another content, so another folder
-    assert len(DatasetFolder(dataset.folder).manifest.done()) == 6
+    assert len(DatasetFolder(there.folder).manifest.done()) == 6
 
 
 def closed_port():
@@ -239,9 +219,7 @@ def test_each_mistake_has_its_sentence(ours, web, tmp_path, monkeypatch):
             DatasetFolder(url)
     for status, sentence in ((403, "access is refused"), (503, "the server answers with status 503; try again later")):
         web.fail, web.status = lambda path: True, status
-        with pytest.raises(DatasetError, match=sentence):
-            DatasetFolder(f"{web.url.replace('//', '//me:secret@')}/ours?signature=secret")
-        with pytest.raises(DatasetError) as error:
+        with pytest.raises(DatasetError, match=sentence) as error:
             DatasetFolder(f"{web.url.replace('//', '//me:secret@')}/ours?signature=secret")
         assert "secret" not in str(error.value)
     web.fail = None

@@ -2,7 +2,6 @@
 
 import errno
 import json
-from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -10,38 +9,15 @@ import pytest
 import xarray as xr
 
 from shared.errors import DatasetError
-from shared.schema import build_shard, dataset_hash, split_of
+from shared.schema import dataset_hash, split_of
 from shared.store import (
     DatasetFolder,
-    Manifest,
     read_manifest,
     sha256_of,
     write_atomically,
     write_manifest,
-    write_shard,
 )
-from shared.system import load_system
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def system():
-    return load_system(ROOT / "fmus" / "MixedAirCO2")
-
-
-def make_shard(system, indices, count=48):
-    rng = np.random.default_rng(indices[0])
-    n = len(indices)
-    return build_shard(
-        system,
-        indices=np.array(indices),
-        root_seed=3,
-        parameters=rng.random((n, len(system.parameters))),
-        outputs=rng.random((n, len(system.outputs), count)),
-        inputs=rng.random((n, len(system.inputs), count)),
-        attributes={"fmu_sha256": "0" * 64, "root_seed": "3"},
-    )
+from tests.shared.datasets import make_shard, write_dataset
 
 
 def test_a_file_in_the_place_of_a_dataset_is_named(tmp_path):
@@ -51,32 +27,16 @@ def test_a_file_in_the_place_of_a_dataset_is_named(tmp_path):
 
 
 @pytest.fixture
-def folder(tmp_path, system):
-    (tmp_path / "shards").mkdir()
-    entries = []
-    for number, indices in enumerate([[10, 11, 12], [0, 1, 2, 3]]):
-        path = tmp_path / "shards" / f"shard-{number:06d}.nc"
-        entries.append(write_shard(path, make_shard(system, indices), indices))
-    manifest = Manifest(
-        system_name=system.name,
-        system_hash=system.hash(),
-        system=system.canonical(),
-        fmu_sha256="0" * 64,
-        root_seed=3,
-        systems=7,
-        shard_size=4,
-        shards=entries,
-    )
-    write_manifest(tmp_path, manifest)
-    return tmp_path
+def folder(tmp_path):
+    return write_dataset(tmp_path / "ds", [[10, 11, 12], [0, 1, 2, 3]], systems=7, shard_size=4)
 
 
-def test_what_is_written_is_read(folder, system):
+def test_what_is_written_is_read(folder):
     records = DatasetFolder(folder).load(["CO2", "TDryBul"])
     assert records.systems.tolist() == [0, 1, 2, 3, 10, 11, 12]
     assert records.values.shape == (7, 2, 48)
     assert records.values.dtype == np.float32
-    shard = make_shard(system, [10, 11, 12])
+    shard = make_shard([10, 11, 12])
     np.testing.assert_array_equal(records.values[4:, 0], shard["CO2"].values)
     np.testing.assert_array_equal(records.parameters[4:, 1], shard["roo.AFlo"].values)
     np.testing.assert_array_equal(records.time, 3600.0 * np.arange(1, 49))
@@ -99,9 +59,9 @@ def test_split_is_exact_in_every_ten_and_does_not_depend_on_how_many():
     assert [split_of(6, i) for i in range(200)] != splits
 
 
-def test_content_hash_sees_every_value_and_not_the_layout(system, tmp_path):
-    one = make_shard(system, [0, 1])
-    assert dataset_hash(one) == dataset_hash(make_shard(system, [0, 1]))
+def test_content_hash_sees_every_value_and_not_the_layout(tmp_path):
+    one = make_shard([0, 1])
+    assert dataset_hash(one) == dataset_hash(make_shard([0, 1]))
     one.to_netcdf(tmp_path / "plain.nc")
     assert dataset_hash(xr.load_dataset(tmp_path / "plain.nc", decode_times=False)) == dataset_hash(one)
     changed = one.copy(deep=True)
@@ -109,21 +69,25 @@ def test_content_hash_sees_every_value_and_not_the_layout(system, tmp_path):
     assert dataset_hash(changed) != dataset_hash(one)
 
 
-def test_newer_schema_is_refused(folder):
+def change_manifest(folder, change):
     path = folder / "manifest.json"
-    raw = json.loads(path.read_text())
-    raw["schema_version"] = "3.0"
-    path.write_text(json.dumps(raw))
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+
+
+def test_newer_schema_is_refused(folder):
+    change_manifest(folder, lambda raw: raw | {"schema_version": "3.0"})
     with pytest.raises(DatasetError, match=r"schema version is '3\.0'.*update"):
         read_manifest(folder)
 
 
 def test_newer_minor_version_is_read(folder):
     """The dataset as a version would have written it that knows more."""
-    path = folder / "manifest.json"
-    raw = json.loads(path.read_text())
-    major, _, minor = raw["schema_version"].partition(".")
-    path.write_text(json.dumps(raw | {"schema_version": f"{major}.{int(minor) + 5}", "licences": ["free"]}))
+
+    def newer(raw):
+        major, _, minor = raw["schema_version"].partition(".")
+        return raw | {"schema_version": f"{major}.{int(minor) + 5}", "licences": ["free"]}
+
+    change_manifest(folder, newer)
     assert DatasetFolder(folder).load().values.shape[0] == 7
 
 
@@ -161,10 +125,7 @@ def test_unknown_channel_is_a_sentence(folder):
 
 
 def test_a_shard_with_other_systems_than_the_manifest_lists_is_named(folder):
-    path = folder / "manifest.json"
-    raw = json.loads(path.read_text())
-    raw["shards"][1]["systems"] = [0, 1, 2, 4]
-    path.write_text(json.dumps(raw))
+    change_manifest(folder, lambda raw: raw["shards"][1].update(systems=[0, 1, 2, 4]) or raw)
     with pytest.raises(DatasetError, match=r"shard-000001\.nc: not as the manifest says \(its systems are not those"):
         DatasetFolder(folder).load()
 

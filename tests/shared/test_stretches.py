@@ -1,12 +1,14 @@
-"""Stretches are all there are, and the one that is taken is the one that was asked for."""
+"""Stretches are all there are, the one that is taken was asked for, and short gaps are bridged by a straight line."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from shared.errors import RecordingError
-from shared.stretches import Steps, Stretch, chosen, stretches
+from shared.stretches import Steps, Stretch, bridge, chosen, stretches
 
 HOURS = 24 * 12
 STEPS = Steps(
@@ -73,3 +75,21 @@ def test_where_there_is_no_day_it_is_said_what_is_in_the_way():
         RecordingError, match=r"17 h \(n in 45 of 288 .*; without n \(--occupancy unknown\) there would"
     ):
         chosen(STEPS, {**known(), "n": persons}, None, {"n": "--occupancy unknown"})
+
+
+def test_short_inner_gaps_are_bridged_and_no_others():
+    nan = np.nan
+    values = np.array([nan, 1.0, nan, 3.0, nan, nan, 0.0, nan, nan, nan, 4.0, nan])
+    filled = bridge(values, 2)
+    np.testing.assert_allclose(values, [nan, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, nan, nan, nan, 4.0, nan])
+    assert np.flatnonzero(filled).tolist() == [2, 4, 5]
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=40), st.integers(0, 6))
+def test_a_straight_line_is_itself_again_wherever_something_is_put_in(missing, longest):
+    line = 3.0 - 0.5 * np.arange(len(missing))
+    values = np.where(missing, np.nan, line)
+    before = np.isnan(values)
+    filled = bridge(values, longest)
+    np.testing.assert_allclose(values[~np.isnan(values)], line[~np.isnan(values)])
+    assert (filled == (before & ~np.isnan(values))).all()

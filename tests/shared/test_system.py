@@ -68,6 +68,7 @@ def test_default_system_is_table_1():
             'column = "QHea"',
             ["'QHea_in' has interpolation 'linear'; its column 'QHea' is the mean over a step: expected 'previous'"],
         ),
+        ("noise.sensor", "noise.none", ["noise.none is set; expected another name: 'none' is no noise"]),
         ("value = 420.0", "value = 0.00042", ["inputs 'CO2Out': value is 0.00042 ppm", "is it in a fraction?"]),
     ],
 )
@@ -83,7 +84,9 @@ def test_each_mistake_is_one_sentence(old, new, words):
         assert word in message
 
 
-def test_an_fmu_in_the_place_of_its_description_is_named():
+def test_a_missing_file_and_an_fmu_in_the_place_of_its_description_are_named(tmp_path):
+    with pytest.raises(SystemDescriptionError, match="no such file"):
+        load_system(tmp_path / "nowhere.toml")
     fmu = ROOT / "fmus" / "MixedAirCO2.fmu"
     with pytest.raises(SystemDescriptionError, match=r"MixedAirCO2\.fmu: is an FMU or .* \(TOML\) that names it"):
         load_system(fmu)
@@ -116,11 +119,6 @@ def test_no_variable_takes_the_place_of_a_field_of_a_shard(kind, name):
     assert ("variable =" in str(caught.value)) == (kind == "outputs")
 
 
-def test_missing_file_is_a_sentence(tmp_path):
-    with pytest.raises(SystemDescriptionError, match="no such file"):
-        load_system(tmp_path / "nowhere.toml")
-
-
 def test_hash_is_of_what_is_simulated():
     text = TOML.read_text()
     system = parse_system(text, Path("a.toml"))
@@ -139,12 +137,6 @@ def test_noise_adds_floor_sensor_and_quantisation():
     assert system.noise_sd("none").tolist() == [o.accuracy for o in system.outputs]
     with pytest.raises(SystemDescriptionError, match="'loud' is not a preset"):
         system.noise_sd("loud")
-
-
-def test_no_noise_is_no_noise():
-    text = TOML.read_text(encoding="utf-8")
-    with pytest.raises(SystemDescriptionError, match=r"noise\.none is set; expected another name: 'none' is no noise"):
-        parse_system(text.replace("noise.sensor", "noise.none", 1), TOML)
 
 
 @given(

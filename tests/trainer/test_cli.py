@@ -47,21 +47,8 @@ def test_a_first_session(tanks, tmp_path, capsys):
 
 
 def test_options_reach_the_model(tanks, tmp_path, capsys):
-    arguments = ["--patch", "6", "--option.width", "16", "--option.layers", "1"]
-    code, _, _ = run(
-        capsys,
-        "fit",
-        tanks,
-        "--out",
-        tmp_path / "run",
-        *arguments,
-        "--steps",
-        "2",
-        "--channels",
-        "level",
-        "time_of_day",
-    )
-    assert code == 0
+    words = ["--patch", "6", "--option.width", "16", "--option.layers", "1", "--channels", "level", "time_of_day"]
+    assert run(capsys, "fit", tanks, "--out", tmp_path / "run", "--steps", "2", *words)[0] == 0
     card = json.loads((tmp_path / "run" / "estimator.json").read_text())
     assert (card["options"]["patch"], card["options"]["width"], card["options"]["layers"]) == (6, 16, 1)
     assert card["encoding"]["derived"] == ["time_of_day"]
@@ -84,6 +71,18 @@ def test_what_the_user_can_mend_is_a_sentence_and_exit_code_1(tanks, tmp_path, c
 @pytest.mark.parametrize("arguments", [("fit",), ("train",), ("fit", "x", "--out", "y", "--steps", "many")])
 def test_wrong_usage_is_exit_code_2(arguments, capsys):
     assert run(capsys, *arguments)[0] == 2
+
+
+@pytest.mark.parametrize("command", ["fit", "evaluate", "calibration", "predict", "posterior", "tune"])
+def test_a_negative_seed_is_a_sentence(own_ridge, tanks, tmp_path, capsys, command):
+    words = {
+        "fit": (tanks, "--out", tmp_path / "new", "--model", "mean"),
+        "tune": (tanks, "--out", tmp_path / "new", "--model", "lstm"),
+        "predict": (own_ridge, tanks / "shards" / "000.nc"),
+    }
+    found = run(capsys, command, *words.get(command, (own_ridge, tanks)), "--seed", "-1")
+    assert found == (1, "", "error: seed: is -1; expected a whole number of at least 0\n")
+    assert not (tmp_path / "new").exists()
 
 
 def test_help_teaches_and_does_not_wait_for_torch(capsys):

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -26,6 +25,12 @@ from ..test_cli import run as command
 from .conftest import QUICK
 
 
+@pytest.fixture(autouse=True)
+def no_figures(monkeypatch):
+    """Figures take most of the time of a benchmark with nothing left to do; test_results.py has them."""
+    monkeypatch.setattr("trainer.benchmarking.page.draw", lambda *_: [])
+
+
 def test_every_seed_is_scored_on_the_same_windows(results, short):
     plan = make_plan(short, results, **QUICK)
     one, other = (read_answers(plan.folder(plan.fit_of(plan.parts[0].rows[0].condition, seed))) for seed in (0, 1))
@@ -45,8 +50,7 @@ def test_what_is_finished_is_not_done_again(finished, short, monkeypatch):
     assert len(make_plan(short, finished, **QUICK | {"windows": 61}).left()) == 12
 
 
-@pytest.mark.parametrize("other", ["options", "dataset"])
-def test_an_evaluation_by_hand_is_not_tabulated(finished, short, other_tanks, other):
+def test_an_evaluation_by_hand_is_not_tabulated(finished, short, other_tanks):
     table = (finished / "channels.csv").read_bytes()
     plan = make_plan(short, finished, **QUICK)
     fit = plan.fits[-1]
@@ -54,10 +58,9 @@ def test_an_evaluation_by_hand_is_not_tabulated(finished, short, other_tanks, ot
     weights = (folder / WEIGHTS).stat().st_mtime_ns
     trainer.evaluate(folder, short, windows=QUICK["windows"], seed=0)  # the benchmark's own, once more
     assert not plan.left()
-    if other == "options":
-        trainer.evaluate(folder, short, windows=20, seed=3, noise="gauge")
-    else:
-        trainer.evaluate(folder, other_tanks, windows=QUICK["windows"], seed=0)
+    trainer.evaluate(folder, short, windows=20, seed=3, noise="gauge")
+    assert plan.left() == [fit]
+    trainer.evaluate(folder, other_tanks, windows=QUICK["windows"], seed=0)
     assert plan.left() == [fit]
     trainer.benchmark(short, finished, **QUICK)
     assert (finished / "channels.csv").read_bytes() == table
@@ -115,31 +118,40 @@ def test_a_fit_that_fails_is_told_and_the_others_are_done(short, tmp_path, monke
             raise EstimatorError("the dog ate it")
         return fit(*arguments, **settings)
 
-    monkeypatch.setattr(job, "run_fit", fails)
-    with pytest.raises(IncompleteError, match=r"3 of 6 fits failed; the first: mean, .* seed 1: the dog ate it"):
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(IncompleteError, match=r"3 of 6 fits failed; the first: mean, .* seed 1: the dog ate it"),
+    ):
+        patch.setattr(job, "run_fit", fails)
         trainer.benchmark(short, tmp_path, **FEW)
     page = (tmp_path / "results.md").read_text()
     assert "3 of 6 fits are finished" in page
     assert "**failed**: mean, 48 h, 1 channels, noise none, seed 1: the dog ate it" in page
-    monkeypatch.undo()
     trainer.benchmark(short, tmp_path, **FEW)
     assert "**failed**" not in (tmp_path / "results.md").read_text()
 
 
-def test_a_fit_whose_process_died_is_on_the_page(finished, short, monkeypatch):
+@pytest.mark.slow
+def test_a_fit_whose_process_died_is_on_the_page_and_ends_as_in_turn_when_it_is_done_again(
+    results, finished, short, monkeypatch
+):
     plan = make_plan(short, finished, **QUICK)
-    folder = plan.folder(plan.fits[-1])
-    (folder / DONE).unlink()
+    fit = plan.fit_of(plan.parts[0].rows[0].condition, 0)
+    assert fit.condition.model == "lstm"
+    folder = plan.folder(fit)
+    for name in (DONE, WEIGHTS, CARD):
+        (folder / name).unlink()
     (folder / FAILED).write_text("what it had failed of the day before")
     dead = [sys.executable, "-c", "import os; os._exit(9)"]
     monkeypatch.setattr(running.children, "command", lambda *_: dead)
     with pytest.raises(IncompleteError, match=r"1 of 12 fits failed; .*: its process ended with code 9; "):
         trainer.benchmark(short, finished, workers=2, **QUICK)
     said = f"its process ended with code 9; {Path('fits') / folder.name / 'log.txt'} holds what it said"
-    assert f"- **failed**: {plan.fits[-1].title()}: {said}\n" in (finished / "results.md").read_text()
+    assert f"- **failed**: {fit.title()}: {said}\n" in (finished / "results.md").read_text()
     monkeypatch.undo()
-    trainer.benchmark(short, finished, **QUICK)
+    trainer.benchmark(short, finished, workers=2, **QUICK)
     assert "**failed**" not in (finished / "results.md").read_text()
+    assert (folder / WEIGHTS).read_bytes() == (results / "fits" / fit.key() / WEIGHTS).read_bytes()
 
 
 def test_results_of_another_dataset_are_left_alone(finished, other_tanks):
@@ -155,17 +167,6 @@ def test_a_second_benchmark_in_a_folder_is_told_which_process_is_there(finished,
     (finished / ".lock").write_text("")  # as earlier versions left it
     trainer.benchmark(short, finished, **QUICK)
     assert (finished / "results.md").exists()
-
-
-@pytest.mark.slow
-def test_a_fit_in_a_process_of_its_own_is_the_same_as_in_turn(results, finished, short):
-    plan = make_plan(short, finished, **QUICK)
-    fit = plan.fit_of(plan.parts[0].rows[0].condition, 0)
-    assert fit.condition.model == "lstm"
-    shutil.rmtree(plan.folder(fit))
-    trainer.benchmark(short, finished, workers=2, **QUICK)
-    weights = [out / "fits" / fit.key() / "weights.safetensors" for out in (results, finished)]
-    assert weights[0].read_bytes() == weights[1].read_bytes()
 
 
 @pytest.mark.slow

@@ -48,6 +48,7 @@ def test_every_estimator_answers_with_a_row_per_window(name, length):
     answer = model(x, time)
     assert answer.shape == (5, 8)
     torch.testing.assert_close(answer[3:], model(x[3:], time[3:]), rtol=1e-4, atol=1e-5)
+    assert torch.isfinite(model(torch.zeros_like(x), time)).all()  # sensors that stand still have no spread
 
 
 def test_ridge_agrees_with_least_squares_on_augmented_rows():

@@ -79,7 +79,7 @@ def test_the_gaussian_to_beat_is_cut_off_at_the_ranges():
 
 @pytest.fixture(scope="module")
 def many_tanks(tmp_path_factory):
-    return make_dataset(tmp_path_factory.mktemp("cal") / "ds", systems=1000, root_seed=4)
+    return make_dataset(tmp_path_factory.mktemp("cal") / "ds", systems=500, root_seed=4)
 
 
 @pytest.fixture(scope="module")

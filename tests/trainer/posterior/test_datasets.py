@@ -2,10 +2,13 @@
 
 import json
 
+import pytest
+
 from shared.store import DatasetFolder
 from trainer.evaluating.evaluation import evaluate
 from trainer.posterior import calibration, fit_posterior
 from trainer.reading.data import fingerprint
+from trainer.reading.kind import Kind
 from trainer.training.fitting import fit
 
 from ..conftest import TANK, make_dataset
@@ -33,3 +36,17 @@ def test_figures_say_of_which_dataset_they_are(tmp_path):
             lines = (run.folder / f"{name}.md").read_text().splitlines()
             assert lines[0].endswith(heading)
             assert any(line.startswith("- dataset: ") and mark[:12] in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"systems": 3, "root_seeds": [1], "fingerprint": None, "held": []}, []),  # that makes no other kind
+        ({"start": (0.0, 8760.0)}, ["240 h from hours 0 to 8760 of the year, not 240 h from hour 0 of the year"]),
+        ({"excitation": False}, ["without excitation, not excited where the system can be"]),
+    ],
+)
+def test_other_kinds_are_told_in_words(tanks, change, sentence):
+    dataset = DatasetFolder(tanks)
+    kind = Kind.of(dataset, dataset.load([]))
+    assert kind.model_copy(update=change).unlike(kind) == sentence

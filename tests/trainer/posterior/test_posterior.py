@@ -13,6 +13,7 @@ from scipy import integrate
 from shared.errors import EstimatorError
 from shared.lock import FolderLock
 from shared.store import DatasetFolder
+from trainer.cli import main
 from trainer.posterior import calibration, fit_posterior, load_posterior
 from trainer.predicting.prediction import predict
 from trainer.runs.checkpoint import load_run
@@ -43,6 +44,14 @@ def own(fitted, tmp_path):
     for path in fitted.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     return folder
+
+
+@pytest.fixture
+def recording(many_tanks, tmp_path):
+    """A day of one tank's level."""
+    with xr.open_dataset(many_tanks / "shards" / "000.nc") as opened:
+        opened.isel(system=4, drop=True)[["level"]].isel(time=slice(0, 48)).load().to_netcdf(tmp_path / "r.nc")
+    return tmp_path / "r.nc"
 
 
 def windows_of(dataset, rows, length=48):
@@ -197,11 +206,7 @@ def test_a_new_estimator_leaves_no_posterior_behind(own, many_tanks):
     assert load_posterior(load_run(own)) is None
 
 
-def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tanks, tmp_path):
-    with xr.open_dataset(many_tanks / "shards" / "000.nc") as opened:
-        shard = opened.load()
-    recording = tmp_path / "r.nc"
-    shard.isel(system=4, drop=True)[["level"]].isel(time=slice(0, 48)).to_netcdf(recording)
+def test_predictions_carry_intervals_samples_and_a_corner_plot(fitted, many_tanks, recording, tmp_path):
     found = predict(fitted, recording, samples=300, out=tmp_path / "s.nc", corner=tmp_path / "c.png")
     with xr.open_dataset(tmp_path / "s.nc") as opened:
         samples = opened.load()
@@ -239,9 +244,8 @@ def test_an_interval_of_too_few_samples_is_refused_before_anything_is_written(fi
 
 
 @pytest.mark.parametrize("name", ["out", "corner"])
-def test_the_recording_is_not_written_over(fitted, many_tanks, tmp_path, name):
-    recording, other = tmp_path / "r.nc", tmp_path / "link.nc"
-    recording.write_bytes((many_tanks / "shards" / "000.nc").read_bytes())
+def test_the_recording_is_not_written_over(fitted, recording, tmp_path, name):
+    other = tmp_path / "link.nc"
     other.symlink_to(recording)
     before = recording.read_bytes()
     for path in (recording, other):
@@ -262,3 +266,22 @@ def test_records_of_another_step_or_too_short_are_refused(own, tmp_path):
     fine = make_dataset(tmp_path / "fine", systems=20, text=TANK.replace("step = 1800.0", "step = 900.0"))
     with pytest.raises(EstimatorError, match="its step is 900 s; the run was trained on 1800 s"):
         fit_posterior(load_run(own), fine, overwrite=True)
+
+
+def test_of_few_calibrating_systems_it_is_told_that_they_are_too_few(own, many_tanks, recording, capsys, caplog):
+    fit_posterior(own, many_tanks, systems=12, windows_per_system=8, epochs=8, overwrite=True)
+    wanted = "its intervals are calibrated by 6 systems, too few for 90 %, which takes 9"
+    assert wanted in caplog.text
+    assert predict(own, recording).interval_doubt == wanted
+    main(["predict", str(own), str(recording)])
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"Do not rely on the intervals: {wanted}." in said
+
+
+def test_a_posterior_that_tells_less_than_the_prior_is_not_recommended(many_tanks, recording, tmp_path, capsys):
+    """Fitted to two windows, whose systems it knows by heart."""
+    run = fit(many_tanks, tmp_path / "run", model="ridge", steps=20)
+    found = fit_posterior(run, many_tanks, systems=4, windows_per_system=1, epochs=60)
+    assert found.card.gain < 0
+    main(["predict", str(run.folder), str(recording), "--json"])
+    assert "tells less than the ranges of the parameters alone" in json.loads(capsys.readouterr().out)["interval_doubt"]

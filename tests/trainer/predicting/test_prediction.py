@@ -7,6 +7,7 @@ from shared.store import DatasetFolder
 from trainer.cli import app
 from trainer.predicting.prediction import Estimate, Prediction, Predictions, predict
 from trainer.predicting.recorded import read_window
+from trainer.runs.checkpoint import Run
 from trainer.training.fitting import fit
 
 from .conftest import write
@@ -55,70 +56,70 @@ def test_the_calendar_of_the_recording_does_not_matter(ridge_run, recording, tmp
     assert two.parameters["tank.fill"].value == pytest.approx(one.parameters["tank.fill"].value, rel=1e-6)
 
 
-def without_units(r):
-    del r["level"].attrs["units"]
-    return r
+# the tanks' ranges are 2 to 20 h, linear, and 1 to 4 m, in the logarithm: a thousandth of it ends at 1.00139 m, and
+# begins at 3.99446 m
+@pytest.mark.parametrize(
+    ("estimate", "at_bound"), [([2.017, 1.0013], [True, True]), ([19.981, 3.9940], [False, False])]
+)
+def test_a_bound_is_near_in_the_scale_of_the_prior(ridge_run, tanks, monkeypatch, estimate, at_bound):
+    def answer(run, values, *_):
+        return run.card.encoding.targets(np.tile(estimate, (len(values), 1)))
+
+    monkeypatch.setattr(Run, "read", answer)
+    found = predict(ridge_run, tanks / "shards" / "000.nc").predictions[0].parameters
+    assert [one.at_bound for one in found.values()] == at_bound
 
 
-def in_other_units(r):
-    r["level"].attrs["units"] = "cm"
-    return r
+def stated(**attributes):
+    """The recording with other attributes of its level; None for one that it has not."""
+
+    def changed(r):
+        r["level"].attrs = {name: one for name, one in (r["level"].attrs | attributes).items() if one is not None}
+        return r
+
+    return changed
 
 
-def with_holes(r):
-    r["level"][70:72] = np.nan
-    return r
+def reads(value, where):
+    """The recording with a value in the place of some readings."""
 
+    def changed(r):
+        r["level"][where] = value
+        return r
 
-def numbered(r):
-    return r.assign_coords(time=np.arange(100.0))
-
-
-def averaged(r):
-    r["level"].attrs["cell_methods"] = "area: mean time: mean (interval: 30 minutes)"
-    return r
-
-
-def highest(r):
-    r["level"].attrs["cell_methods"] = "time: maximum"
-    return r
-
-
-def with_a_code(r):
-    r["level"][[60, 90]] = -9999.0
-    return r
-
-
-def far_off(r):
-    r["level"][[60, 90]] = -9000.0
-    return r
-
-
-def with_more_dimensions(r):
-    return r.expand_dims("room")
+    return changed
 
 
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (without_units, "level has no units; the run expects 'm'"),
-        (in_other_units, "level is in 'cm'; the run expects 'm': convert it first"),
-        (with_holes, "level has 2 missing values in its last 48 samples; expected none: choose"),
-        (averaged, r"level is a mean over each step \(its cell_methods\); for the run it is an instant at each step's"),
-        (highest, "level is the maximum of each step"),
+        (stated(units=None), "level has no units; the run expects 'm'"),
+        (stated(units="cm"), "level is in 'cm'; the run expects 'm': convert it first"),
+        (reads(np.nan, slice(70, 72)), "level has 2 missing values in its last 48 samples; expected none: choose"),
         (
-            with_a_code,
+            stated(cell_methods="area: mean time: mean (interval: 30 minutes)"),
+            r"level is a mean over each step \(its cell_methods\); for the run it is an instant at each step's",
+        ),
+        (stated(cell_methods="time: maximum"), "level is the maximum of each step"),
+        (
+            reads(-9999.0, [60, 90]),
             r"r\.nc: level is -9999 m at 2001-01-02T06:30:00, as loggers write where a reading is missing \(the run's"
             r" training: [\d.]+ m, standard deviation [\d.]+ m\); expected a reading: declare such codes missing",
         ),
         (
-            far_off,
+            reads(-9000.0, [60, 90]),
             r"r\.nc: level is -9000 m at 2001-01-02T06:30:00, \d{5} standard deviations from the mean of the run's"
             r" training \([\d.]+ m, standard deviation [\d.]+ m\); expected at most 30: declare a code for a missing"
             r" reading missing \(NaN\)",
         ),
-        (numbered, "time has no units; expected for example 'seconds since 2001-01-01 00:00:00'"),
-        (with_more_dimensions, r"level has dimensions \(room, time\); expected \(time\) or \(system, time\)"),
+        (
+            lambda r: r.assign_coords(time=np.arange(100.0)),
+            "time has no units; expected for example 'seconds since 2001-01-01 00:00:00'",
+        ),
+        (
+            lambda r: r.expand_dims("room"),
+            r"level has dimensions \(room, time\); expected \(time\) or \(system, time\)",
+        ),
         (lambda r: r.rename(level="height"), "has no 'level', which the run reads; found height"),
         (lambda r: r.drop_vars("time"), "has no coordinate 'time'"),
         (lambda r: r.isel(time=slice(0, 40)), r"has 40 samples \(20 h at the run's step\); the run needs 48 \(24 h\)"),

@@ -1,13 +1,11 @@
 """One training at a time in a run folder, and no estimator lost for one that has not come about."""
 
-import json
-import subprocess
-import sys
-import time
+import os
 
 import pytest
 
 from shared.errors import EstimatorError
+from shared.lock import FolderLock
 from trainer.evaluating.evaluation import evaluate
 from trainer.runs.state import STATE, read_state
 from trainer.training.fitting import fit
@@ -16,11 +14,6 @@ from ..conftest import interrupt_after
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32}
 SETTINGS = {"options": SMALL, "context_hours": 12.0}
-CHILD = """
-import json, sys
-from trainer.training.fitting import fit
-fit(sys.argv[1], sys.argv[2], **json.loads(sys.argv[3]))
-"""
 
 
 def contents(folder):
@@ -55,22 +48,15 @@ def old(tanks, tmp_path):
     return tmp_path / "run"
 
 
-@pytest.mark.slow
-def test_a_second_training_in_a_folder_is_refused_and_a_killed_one_is_in_nobodys_way(tanks, tmp_path):
-    folder = tmp_path / "run"
-    arguments = json.dumps(SETTINGS | {"minutes": 10.0})
-    child = subprocess.Popen([sys.executable, "-c", CHILD, str(tanks), str(folder), arguments])
-    try:
-        while not (folder / ".lock").exists():
-            assert child.poll() is None, "it ended before it had the folder"
-            time.sleep(0.05)
-        for more in ({}, {"overwrite": True}, {"resume": True}):
-            with pytest.raises(EstimatorError, match=rf"run: another run is at it \(process {child.pid} on"):
-                fit(tanks, folder, **SETTINGS | {"steps": 2} | more)
-    finally:
-        child.kill()
-        child.wait()
-    assert fit(tanks, folder, **SETTINGS, steps=2).card.training.steps == 2
+def test_a_second_training_in_a_folder_is_refused(tanks, tmp_path):
+    """That the lock of a killed one is free again: tests/shared/test_lock.py."""
+    (tmp_path / "run").mkdir()
+    for more in ({}, {"overwrite": True}, {"resume": True}):
+        with (
+            FolderLock(tmp_path / "run"),
+            pytest.raises(EstimatorError, match=rf"run: another run is at it \(process {os.getpid()} on"),
+        ):
+            fit(tanks, tmp_path / "run", **SETTINGS, **more, steps=2)
 
 
 def test_an_estimator_outlives_a_training_that_is_stopped_early_and_can_be_gone_on_with(tanks, old, monkeypatch):

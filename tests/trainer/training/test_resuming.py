@@ -9,10 +9,11 @@ import time
 import pytest
 
 from shared.errors import EstimatorError
-from trainer.reading.windows import Sampler
 from trainer.runs.checkpoint import load_run, read_card
 from trainer.runs.state import STATE, read_state, write_state
 from trainer.training.fitting import fit
+
+from ..conftest import interrupt_after
 
 SMALL = {"width": 16, "layers": 1, "heads": 2, "feedforward": 32, "dropout": 0.2}
 SETTINGS = {"options": SMALL, "noise": "gauge", "context_hours": 12.0, "seed": 3}
@@ -36,16 +37,8 @@ def stopping(monkeypatch):
     """Makes a training stop with Ctrl-C at a draw of the sampler, having kept its state after every step."""
 
     def at(draws):
-        draw, seen = Sampler.draw, []
-
-        def interrupted(self, count):
-            seen.append(1)
-            if len(seen) == draws:
-                raise KeyboardInterrupt
-            return draw(self, count)
-
         monkeypatch.setattr("trainer.training.loop.SAVE_SECONDS", -1.0)
-        monkeypatch.setattr(Sampler, "draw", interrupted)
+        interrupt_after(draws - 1, monkeypatch)
 
     return at
 
@@ -95,14 +88,14 @@ def test_a_training_that_was_killed_ends_with_the_weights_of_one_that_was_not(ta
     ],
 )
 def test_an_interrupted_training_goes_on(tanks, tmp_path, stopping, monkeypatch, caplog, model, options):
-    settings = SETTINGS | {"model": model, "options": options, "steps": 40, "batch_size": 8, "keep": "last"}
+    settings = SETTINGS | {"model": model, "options": options, "steps": 16, "batch_size": 8, "keep": "last"}
     fit(tanks, tmp_path / "whole", **settings)
-    stopping(30)
+    stopping(12)
     with pytest.raises(KeyboardInterrupt):
         fit(tanks, tmp_path / "cut", **settings)
     monkeypatch.undo()
     step = read_state(tmp_path / "cut" / STATE)[1]["step"]
-    assert 20 < step < 30
+    assert 6 < step < 12
     cut = weights(tmp_path / "cut")
     fit(tanks, tmp_path / "cut", resume=True, **settings)
     assert cut != weights(tmp_path / "whole")

@@ -180,18 +180,16 @@ def test_a_search_is_the_same_again(tanks, tmp_path, no_training):
 def test_a_search_does_not_go_on_with_other_data(tmp_path, no_training):
     tune(make_dataset(tmp_path / "ds", systems=20), tmp_path / "out", trials=1, **SETTINGS)
     other = make_dataset(tmp_path / "other", systems=20, fmu_sha256="f" * 64)
-    with pytest.raises(EstimatorError, match=r"study\.db: fmu_sha256 was '0{64}' and is 'f{64}' now"):
+    with pytest.raises(
+        EstimatorError, match=r"study\.db: fmu_sha256 was '0{64}' and is 'f{64}' now; .*choose another folder"
+    ):
         tune(other, tmp_path / "out", trials=2, **SETTINGS)
 
 
-@pytest.mark.parametrize("name", ["a#b %41"])
-def test_a_search_lies_in_its_folder_whatever_its_name(tanks, tmp_path, no_training, name):
-    tune(tanks, tmp_path / name, trials=1, **SETTINGS)
-    assert (tmp_path / name / "study.db").exists()
+def test_a_search_lies_in_its_folder_whatever_its_name(tanks, tmp_path, no_training):
+    tune(tanks, tmp_path / "a#b %41", trials=1, **SETTINGS)
+    assert (tmp_path / "a#b %41" / "study.db").exists()
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
-    other = make_dataset(tmp_path / "other", systems=20, root_seed=2)
-    with pytest.raises(EstimatorError, match=r"choose another folder for another search"):
-        tune(other, tmp_path / name, trials=2, **SETTINGS)
 
 
 def test_what_cannot_be_searched_is_told(tanks, tmp_path):
