@@ -86,6 +86,12 @@ def read_text(
     data = read_bytes(path, error, expected, most)
     try:
         return data.decode(encoding)
+    except UnicodeDecodeError as cause:
+        line = data[: cause.start].count(b"\n") + 1
+        raise error(
+            f"{path}: line {line}: the byte 0x{data[cause.start]:02x} is no text in {cause.encoding}; save the file as"
+            f" UTF-8 (expected {expected})"
+        ) from None
     except (UnicodeError, LookupError) as cause:  # LookupError: no such encoding
         raise error(f"{path}: cannot be read as text: {why(cause)}; expected {expected}") from None
 

@@ -32,6 +32,13 @@ def test_default_system_is_table_1():
     assert all(p.scale == "linear" for p in system.parameters)
 
 
+def test_a_description_that_is_not_saved_as_utf_8_is_told_the_line(tmp_path):
+    path = tmp_path / "system.toml"
+    path.write_bytes('schema_version = 1\nname = "Büro"\n'.encode("latin-1"))
+    with pytest.raises(SystemDescriptionError, match=r"system\.toml: line 2: the byte 0xfc .*; save the file as UTF-8"):
+        load_system(path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
