@@ -17,12 +17,8 @@ HOURS, SLOW = 72.0, {"slow_share": 0.3, "hours": 5.0}
 
 @pytest.fixture(scope="module")
 def simulator(default_system):
-    """Constants and some parameters are known: the fewer unknowns, the fewer simulations."""
-    names = ("gaiCO2.k", "roo.AFlo", "glaSys.absSolFra", "mOut_flow")
-    free = [one for one in default_system.parameters if one.name in names]
-    known = {one.name: float(one.from_unit(0.5)) for one in default_system.parameters if one not in free}
-    few = {"parameters": free, "fixed": default_system.fixed | known, "uncertain": []}
-    return Simulator(default_system.with_experiment(hours=HOURS).model_copy(update=few))
+    """Constants are known: the fewer unknowns, the fewer simulations."""
+    return Simulator(default_system.with_experiment(hours=HOURS).model_copy(update={"uncertain": []}))
 
 
 @pytest.fixture(scope="module")

@@ -90,7 +90,7 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
 @pytest.mark.parametrize("hours", FORGETS)
 def test_changes_within_steps_are_followed_as_long_as_a_house_remembers_them(house, house_recording, hours):
     system = house("me")
-    record = read_recording(house_recording(hours=120), system)
+    record = read_recording(house_recording(hours=240), system)
     problem = Problem(Simulator(system), record, replay=True, known=["history"], warm_up=WARM_UP * HOUR)
     assert problem.nuisance.turns.all()
     z = problem.unknowns({"ro": FORGETS[hours][0], "c": FORGETS[hours][1], "ri": 0.6, "a": 2.5})

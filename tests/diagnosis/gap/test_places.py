@@ -92,8 +92,8 @@ def test_missing_heat_is_found_with_its_size(house, house_recording):
     heat[120:][np.arange(120) % 24 // 6 == 2] = 0.6
     nobody, rest = np.zeros(2 * 240), np.zeros(240)
     warm, base = (exact_house(TRUTH, rest, rest, nobody, heater, start=0.0) for heater in (heat, rest))
-    path = changed(house_recording(hours=240, seed=6), lambda t, y: y + warm - base)
-    done = diagnose(system, path, effects=candidates(system)[:1], warm_up=WARM_UP)
+    path = changed(house_recording(hours=240, seed=6, before=240), lambda t, y: y + warm - base)
+    done = diagnose(system, path, effects=candidates(system)[:1])
     (source,) = done.report.sources
     assert source.p_value <= 0.01
     assert source.verdict == done.report.balance == "balance"
