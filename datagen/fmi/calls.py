@@ -3,10 +3,6 @@
 The compiled code gets one array of integers, the plan: addresses of functions and arrays, and sizes. The constants
 below are its places. Discrete inputs come last among the inputs: they are set in event mode only, as both standards
 demand of them.
-
-Numba keeps what it compiled on disk and does not see that a file it took functions or constants from has changed. So
-a file whose compiled code is kept has the hash of those that it imports in it, as ``BUILT_ON``, and a test holds it to
-that.
 """
 
 from __future__ import annotations
@@ -19,8 +15,6 @@ from numba.extending import intrinsic
 
 from datagen.fmi.compilation import njit
 from datagen.fmi.foreign import foreign
-
-BUILT_ON = "9e67bc696151c9fe"
 
 # places in the plan
 COMPONENT, SET_TIME, SET_REAL, GET_REAL, SET_STATES, GET_STATES = 0, 1, 2, 3, 4, 5

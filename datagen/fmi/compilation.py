@@ -3,13 +3,17 @@
 Numba keeps them beside their source or in the user's home. A container with a read-only root has neither, a node of a
 cluster may lack the home, a quota may be used up: then they are kept in the temporary folder, or compiled anew in each
 process. What cannot be kept, or read again, is no reason to stop.
+
+Numba does not see that a file which a kept function took others or constants from has changed. So all are compiled anew
+where any source of :data:`SOURCES` has.
 """
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from logging import INFO, WARNING
 from pathlib import Path
 from typing import Any
@@ -58,8 +62,24 @@ _LOST = (
 )
 
 
+SOURCES = ("driving", "fmi", "simulating")
+"""Folders of the package with compiled functions, and with all that they take from others."""
+
+
+@cache
+def built_on() -> str:
+    """Hash of the sources of all compiled functions."""
+    package = Path(__file__).parents[1]
+    paths = sorted(path for folder in SOURCES for path in (package / folder).glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+
+
 class _Cache(FunctionCache):
     """Numba's own, which goes on without a file that cannot be read or written."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file._source_stamp = (self._cache_file._source_stamp, built_on())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was kept, or None."""

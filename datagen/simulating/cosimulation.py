@@ -38,7 +38,6 @@ from datagen.fmi.calls import (
 )
 from datagen.fmi.compilation import njit
 
-BUILT_ON = "27f154107820333c"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 LONGEST_STEP = 300.0

@@ -24,7 +24,6 @@ from datagen.fmi.calls import (
 from datagen.fmi.compilation import njit
 from datagen.fmi.foreign import foreign
 
-BUILT_ON = "68efea8a5a77d79e"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 _c_ppp = foreign("i:ppp")

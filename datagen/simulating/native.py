@@ -69,7 +69,6 @@ from datagen.fmi.compilation import cfunc, njit
 from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate, set_states
 
-BUILT_ON = "ee3e17138056a238"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 BELOW_ZERO = -1e-300

@@ -40,7 +40,6 @@ from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate
 from datagen.simulating.sparse import analyse, colour, factorise, substitute
 
-BUILT_ON = "773616b85bde733f"
 """Of what this file imports, see :mod:`datagen.fmi.calls`."""
 
 # places in the counts
