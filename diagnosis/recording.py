@@ -12,9 +12,8 @@ import xarray as xr
 
 from datagen.driving.tables import Piecewise
 from shared.errors import RecordingError
-from shared.flags import ASSUMED
 from shared.reading import shown
-from shared.schema import EPOCH, method_fault, methods_of, of_another
+from shared.schema import ASSUMED, EPOCH, method_fault, methods_of, of_another
 from shared.stretches import Steps, Stretch, chosen
 from shared.system import System
 from shared.times import read_recorded, recorded_begins, recorded_times, time_zero

@@ -21,7 +21,7 @@ from shared.manifest import write_atomically
 from shared.reading import newer, read_json, validated
 from shared.results import Result
 from shared.system import Experiment
-from shared.uncertain import Uncertain
+from shared.variables import Uncertain
 
 FILE_NAME = "identifiability.json"
 SCHEMA_VERSION = 2

@@ -240,3 +240,16 @@ def newer_minor(found: str) -> str:
     if theirs[0] != ours[0] or not theirs[1].isdecimal() or int(theirs[1]) <= int(ours[1]):
         return ""
     return f"schema version is {shown(found)}, and this version of zeroshot-fmu writes {SCHEMA_VERSION}: update it"
+
+
+FLAGS = {
+    "missing": 1,
+    "partly_covered": 2,
+    "impossible_readings_left_out": 4,
+    "stuck_readings_left_out": 8,
+    "gap_interpolated": 16,
+    "assumed": 32,
+    "computed_from_other_quantities": 64,
+}
+"""Bits of the flag variables of a recording, in CF's ``flag_meanings``."""
+MISSING, PARTLY, IMPOSSIBLE, STUCK, INTERPOLATED, ASSUMED, COMPUTED = FLAGS.values()

@@ -24,8 +24,6 @@ from shared.reading import MOST_TOML, parse_json, parse_toml, read_text, shown
 from shared.refused import meant, sentence_of
 from shared.shipped import resolved, shipped_systems
 from shared.signals import Excitation, Occupancy, Schedule, Table, Weather
-from shared.sources import Source
-from shared.uncertain import Uncertain, fault
 from shared.variables import (
     Effect,
     ExcitationInput,
@@ -36,8 +34,11 @@ from shared.variables import (
     Output,
     Parameter,
     ScheduleInput,
+    Source,
+    Uncertain,
     WeatherInput,
     names_fault,
+    table_fault,
 )
 
 WHOLE = 1e-6
@@ -179,11 +180,11 @@ class System(Table):
         by_others = [(getattr(one, "parameters", {}), getattr(one, "constants", {})) for one in self.effects]
         by_others += [(one.parameters, {}) for one in self.sources] + [(self.replay, {})]
         taken = {name for tables in by_others for table in tables for name in table}
-        if wrong := fault("uncertain", self.uncertain, names, self.parameter_names, taken):
+        if wrong := table_fault("uncertain", self.uncertain, names, self.parameter_names, taken):
             yield wrong
         names |= {one.name for one in self.uncertain}
         taken = taken - {*self.replay} | {name for one in self.uncertain for name in one.parameters} | {*self.fixed}
-        if wrong := fault("given", self.given, names, self.parameter_names, taken):
+        if wrong := table_fault("given", self.given, names, self.parameter_names, taken):
             yield wrong
 
     def _time_faults(self) -> Iterator[str]:

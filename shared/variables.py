@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -209,3 +209,71 @@ class Output(FmuVariable):
     def fmu_variable(self) -> str:
         """The FMU's variable behind this output."""
         return self.variable or self.name
+
+
+class Source(Table):
+    """A source that the model does not have: diagnosis puts pulses on an input of the FMU to see what it would do.
+
+    One unit of ``input`` brings ``per`` of the source: a number [unit], or the name of an estimated parameter, whose
+    fitted value counts. What it brings beside that are other sources, ``less``, which are taken off again.
+    """
+
+    name: str = Field(description="in reports")
+    description: str = Field("", description="as a reader sees it, for example 'missing heat'")
+    unit: str = Field(min_length=1, description="of what it brings, such as W or kg/s")
+    input: str = Field(description="the FMU input that carries the pulses")
+    parameters: dict[str, float] = Field({}, description="FMU parameters while it does [unit of each]")
+    per: float | str = Field(1.0, description="what one unit of the input brings: a number, or an estimated parameter")
+    less: dict[str, float] = Field({}, description="by name of a source declared before: its amount per unit of input")
+
+    def fault(self, inputs: list[str], parameters: list[str], before: list[str]) -> str:
+        """What is wrong with it in a system with these names, as a sentence; empty if nothing is."""
+        if self.input not in inputs:
+            return f"sources: {self.name!r} acts on {self.input!r}, which is not an input"
+        if isinstance(self.per, str) and self.per not in parameters:
+            return f"sources: {self.name!r} is measured per {self.per!r}, which is not an estimated parameter"
+        if self.per == 0:
+            return f"sources: {self.name!r} has per = 0; expected what one unit of {self.input!r} brings"
+        if self.name in before:
+            return f"sources: {self.name!r} is declared twice"
+        for name in self.less:
+            if name not in before:
+                return f"sources: {self.name!r} is less {name!r}, which is no source that is declared before it"
+        return ""
+
+
+class Uncertain(Table):
+    """FMU parameters that nobody wants to know and nobody knows exactly: the layers of a floor, say.
+
+    All of them are multiplied by exp(``relative`` * N(0, 1)); their values are those of ``fixed``, or the FMU's own.
+    Fits to measurements let them vary, and so do datasets that are to be like buildings (``datagen run --uncertain``).
+    What ``fixed`` sets to 0 stays 0.
+    """
+
+    name: str = Field(description="in reports")
+    description: str = Field("", description="what it is, for reports")
+    parameters: list[str] = Field(min_length=1, description="names of FMU parameters, each positive")
+    relative: float = Field(gt=0, le=1, description="standard deviation of the logarithm of their common factor")
+
+
+def table_fault(
+    table: str, declared: Iterable[Any], names: Collection[str], estimated: Collection[str], taken: Collection[str]
+) -> str:
+    """What is wrong with what a ``table`` sets in a system, as a sentence; empty if nothing is.
+
+    Its entries, ``declared``, have a ``name`` and ``parameters`` each. ``names`` are of everything that has one of its
+    own already, ``estimated`` those of the estimated parameters, and ``taken`` the FMU parameters that other tables
+    set.
+    """
+    names, taken = {*names}, {*taken}
+    for entry in declared:
+        if entry.name in names:
+            return f"{table}: {entry.name!r} is the name of two things; expected one"
+        names.add(entry.name)
+        for one in entry.parameters:
+            if one in estimated:
+                return f"{table}: {entry.name!r} holds {one!r}, which is an estimated parameter"
+            if one in taken:
+                return f"{table}: {entry.name!r} holds {one!r}, which is set elsewhere as well"
+            taken.add(one)
+    return ""

@@ -16,8 +16,7 @@ from shared.given import Given
 from shared.possible import in_another_unit
 from shared.reading import shown
 from shared.system import System
-from shared.uncertain import Uncertain
-from shared.variables import FmuVariable, Input, Output, Parameter
+from shared.variables import FmuVariable, Input, Output, Parameter, Uncertain
 
 
 def check_system(system: System, fmu: Fmu) -> None:

@@ -5,7 +5,7 @@ And the stretch that stands out most, as a finding among the others.
 What would close a balance: responses of the outputs to pulses of the sources that the system description declares.
 
 A source of heat is one input of the FMU; a trace gas that only persons bring is persons less their heat. Both are
-responses at the fitted model, linear in the source; see :class:`shared.sources.Source`.
+responses at the fitted model, linear in the source; see :class:`shared.variables.Source`.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from diagnosis.where import Finding, Operator, Residuals, Where, find_regimes, l
 from diagnosis.where.episodes import period
 from diagnosis.where.series import ORDER
 from shared.errors import RecordingError
-from shared.sources import Source
 from shared.system import System
+from shared.variables import Source
 
 PULSE = 3 * HOUR
 """Length of the pulses of a missing source [s]."""

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from diagnosis.measurements.signal import Signal
-from shared.flags import ASSUMED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
+from shared.schema import ASSUMED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from shared.stretches import bridge
 from shared.variables import ExcitationInput, Input, Output, WeatherInput
 
@@ -58,7 +58,7 @@ class Series:
     values
         Shape (steps,) [unit of the target], NaN where there is none.
     flags
-        Bits of :data:`shared.flags.FLAGS` without ``missing``, shape (steps,).
+        Bits of :data:`shared.schema.FLAGS` without ``missing``, shape (steps,).
     origin
         Where it comes from, in a few words.
     comment

@@ -35,8 +35,8 @@ from diagnosis.measurements.units import COUNTS
 from diagnosis.physics import check_physics
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
-from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.places import check_folder
+from shared.schema import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, PARTLY, STUCK
 from shared.shipped import resolved
 from shared.store import sha256_of
 from shared.system import System, load_system

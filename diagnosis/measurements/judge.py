@@ -37,7 +37,7 @@ from diagnosis.measurements.signal import (
 from diagnosis.measurements.table import Measurements
 from diagnosis.measurements.weather import Daylight
 from shared.errors import RecordingError
-from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, STUCK
+from shared.schema import ASSUMED, COMPUTED, IMPOSSIBLE, STUCK
 from shared.still import CALM, STUCK_AFTER
 from shared.units import spelled
 

@@ -13,7 +13,7 @@ from diagnosis.measurements.judge import BEAM, MOVING, Judge
 from diagnosis.measurements.mapping import MEASURABLE, Mapping, Source
 from diagnosis.measurements.signal import Signal
 from shared.errors import RecordingError
-from shared.flags import ASSUMED
+from shared.schema import ASSUMED
 from shared.system import System
 from shared.variables import WeatherInput
 

@@ -27,11 +27,10 @@ from diagnosis.measurements.signal import Signal, usual_gap
 from diagnosis.physics import Finding
 from diagnosis.recording import needed_inputs, said_missing
 from shared.errors import RecordingError
-from shared.flags import ASSUMED, FLAGS, IMPOSSIBLE, INTERPOLATED, STUCK
 from shared.netcdf import write_netcdf
 from shared.numbers import counted
 from shared.results import Result
-from shared.schema import SCHEMA_VERSION
+from shared.schema import ASSUMED, FLAGS, IMPOSSIBLE, INTERPOLATED, SCHEMA_VERSION, STUCK
 from shared.store import temporary_name
 from shared.stretches import runs, stretches
 from shared.system import System

@@ -13,7 +13,7 @@ from diagnosis.measurements.grid import instants_of
 from diagnosis.measurements.mapping import Place, Source
 from diagnosis.measurements.signal import DAY, Signal, usual_interval
 from diagnosis.measurements.weather import Daylight, sun_position
-from shared.flags import IMPOSSIBLE
+from shared.schema import IMPOSSIBLE
 
 FEW = 3
 """Readings of a night of which one may be wrong and their median is not."""

@@ -12,7 +12,7 @@ from diagnosis.measurements import units
 from diagnosis.measurements.mapping import Source
 from shared.codes import coded
 from shared.errors import RecordingError
-from shared.flags import IMPOSSIBLE, STUCK
+from shared.schema import IMPOSSIBLE, STUCK
 from shared.still import Resting, elapsed, long_runs
 
 DAY = 86400.0
@@ -147,7 +147,7 @@ class Signal:
     values
         Shape (n,) [``unit``].
     flags
-        Bits of :data:`shared.flags.FLAGS` of each reading, shape (n,); those that are impossible or stuck are not used.
+        Bits of :data:`shared.schema.FLAGS` of each reading, shape (n,); impossible or stuck ones are not used.
     kind
         ``point``: instants joined by straight lines; ``mean``: means of the intervals; ``hold``: states that hold.
     max_gap

@@ -15,7 +15,7 @@ from diagnosis.measurements.clock import Clock
 from diagnosis.measurements.grid import instants_of
 from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.signal import Signal
-from shared.flags import COMPUTED
+from shared.schema import COMPUTED
 from shared.signals import Weather
 
 _LOW = 1e-3

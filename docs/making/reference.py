@@ -25,7 +25,7 @@ from datagen.driving.weather import UNITS
 from diagnosis.cli import app as diagnosis_app
 from diagnosis.measurements import mapping
 from diagnosis.measurements.mapping import MEASURABLE
-from shared import effects, given, signals, sources, system, uncertain, variables
+from shared import effects, given, signals, system, variables
 from trainer.cli import app as trainer_app
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference"
@@ -159,12 +159,12 @@ SYSTEM: tuple[Part, ...] = (
     ("[[ratios]]", given.Ratio, '[[ratios]]\nover = "offset"\nunder = "rw"\nmin = 0.0\nmax = 1000.0'),
     (
         "[[uncertain]]",
-        uncertain.Uncertain,
+        variables.Uncertain,
         '[[uncertain]]\nname = "floor"\nparameters = ["floor.c"]\nrelative = 0.3',
     ),
     (
         "[[sources]]",
-        sources.Source,
+        variables.Source,
         '[[sources]]\nname = "heat"\ndescription = "missing heat"\nunit = "W"\ninput = "QHea"',
     ),
     (

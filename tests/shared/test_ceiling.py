@@ -6,7 +6,7 @@ import pytest
 
 from shared.ceiling import Ceiling, Ceilings, Origin, fitting, read_ceilings, unknown_constants, write_ceilings
 from shared.errors import ZeroshotError
-from shared.uncertain import Uncertain
+from shared.variables import Uncertain
 
 
 def ceiling(**changes):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,8 +14,10 @@ from pydantic import BaseModel
 
 from shared.errors import EstimatorError, RecordingError
 from shared.logs import logger
+from shared.netcdf import write_netcdf
 from shared.places import check_folder
 from shared.results import Result
+from shared.store import temporary_name
 from shared.stretches import Stretch
 from trainer.figures import draw_estimates
 from trainer.predicting.known import facts_known, facts_of
@@ -183,7 +186,6 @@ def predict(
     """
     from trainer.posterior.checkpoint import load_posterior, prior_of  # the flows take a while to import
     from trainer.posterior.inference import check_samples, summarise
-    from trainer.posterior.recording import write_samples
 
     check_seed(seed)
     check_samples(samples)
@@ -218,7 +220,7 @@ def predict(
     if drawn is not None and out is not None:
         make_folder(Path(out).parent)
         facts: dict[str, str | int] = {"recording": str(file), "estimator": run.card.weights_sha256, "seed": seed}
-        write_samples(Path(out), drawn, window.systems, names, units, facts)
+        _write_samples(Path(out), drawn, window.systems, names, units, facts)
     if drawn is not None and corner is not None:
         from trainer.posterior.figures import draw_corner
 
@@ -331,3 +333,35 @@ def _interval_note(fitted_to: Kind | None, trained_on: Kind | None) -> str | Non
     if fitted_to is None or trained_on is None or not (unlike := fitted_to.unlike(trained_on)):
         return None
     return f"the posterior was fitted to systems unlike those of the estimator's training: {'; '.join(unlike)}"
+
+
+def _write_samples(
+    path: Path,
+    samples: np.ndarray,
+    systems: list[int | None],
+    parameters: list[str],
+    units: list[str],
+    attributes: dict[str, str | int],
+) -> None:
+    """Write samples (windows, n, parameters) [own units] as NetCDF: one variable per parameter, with its unit.
+
+    They are over (system, sample), or over (sample) alone where the recording has no systems. Raises EstimatorError if
+    the file cannot be written.
+    """
+    alone = systems == [None]
+    dims = ("sample",) if alone else ("system", "sample")
+    variables = {
+        name: (dims, samples[0, :, k] if alone else samples[:, :, k], {"units": unit})
+        for k, (name, unit) in enumerate(zip(parameters, units, strict=True))
+    }
+    coordinates = {} if alone else {"system": systems}
+    # a seed may be any whole number, a number in NetCDF has 64 bits
+    facts = {name: one if isinstance(one, str) or one < 1 << 63 else str(one) for name, one in attributes.items()}
+    temporary = temporary_name(path)
+    try:
+        write_netcdf(xr.Dataset(variables, coordinates, facts), temporary, {})
+        os.replace(temporary, path)
+    except OSError as error:
+        raise EstimatorError(f"{path}: cannot be written ({error.strerror}); expected a place to write to") from None
+    finally:
+        temporary.unlink(missing_ok=True)

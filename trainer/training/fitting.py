@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -46,7 +47,6 @@ from trainer.training.beginning import check_same_model, encoding_of, take_memor
 from trainer.training.loop import Loop
 from trainer.training.material import material_of, recipe_of
 from trainer.training.place import check_place
-from trainer.training.rounding import slowdown
 
 _log = logger(__name__)
 
@@ -315,3 +315,25 @@ def settings_of(card: Card, steps: int | None) -> dict[str, Any]:
         "training systems": len(card.training_systems.indices),
         "data": hashlib.sha256("".join([*known, card.system_hash]).encode()).hexdigest(),
     }
+
+
+def slowdown() -> float:
+    """Time of an encoder's product in bfloat16 over that in single precision, the median of a few in turn.
+
+    Some processors compute with rounded numbers in software.
+    """
+    ratios = []
+    with torch.inference_mode():
+        exact = torch.ones(2048, 256), torch.ones(256, 256)
+        coarse = tuple(one.bfloat16() for one in exact)
+        _seconds(*exact), _seconds(*coarse)  # the first ones prepare what later ones find
+        for _ in range(5):
+            single = _seconds(*exact)
+            ratios.append(_seconds(*coarse) / single)
+    return float(np.median(ratios))
+
+
+def _seconds(left: torch.Tensor, right: torch.Tensor) -> float:
+    began = time.perf_counter()
+    torch.mm(left, right)
+    return time.perf_counter() - began

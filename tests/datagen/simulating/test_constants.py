@@ -13,7 +13,7 @@ from datagen.simulating.constants import constants, sample_factors, values_of
 from datagen.simulating.simulator import Simulator
 from shared.errors import DatasetError
 from shared.store import read_manifest
-from shared.uncertain import Uncertain
+from shared.variables import Uncertain
 from tests.datagen.faults import run_here
 
 SIZE = {"systems": 4, "hours": 48.0, "seed": 5, "shard_size": 2}

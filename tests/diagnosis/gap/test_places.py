@@ -12,8 +12,8 @@ from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.places import labels_of, operators
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError, SystemDescriptionError
-from shared.sources import Source
 from shared.system import load_system, parse_system
+from shared.variables import Source
 from tests.diagnosis.conftest import TRUTH, WARM_UP, exact_house
 from tests.diagnosis.gap.gap_cases import candidates, changed
 from tests.diagnosis.gap.room_cases import recorded, room

@@ -10,8 +10,7 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
-from shared.flags import ASSUMED, COMPUTED, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
-from shared.schema import EPOCH
+from shared.schema import ASSUMED, COMPUTED, EPOCH, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
 from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
 
 

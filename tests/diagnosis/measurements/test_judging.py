@@ -7,7 +7,7 @@ import xarray as xr
 from diagnosis.measurements.grid import as_read
 from diagnosis.measurements.signal import Signal
 from shared.errors import RecordingError
-from shared.flags import FLAGS
+from shared.schema import FLAGS
 from tests.diagnosis.measurements.house_cases import HOURLY, HOUSE, MAPPING, measured, warmth
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from diagnosis.measurements.grid import resample
 from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import make_signal, mark_impossible
-from shared.flags import IMPOSSIBLE
+from shared.schema import IMPOSSIBLE
 
 SEEDS = st.integers(0, 10**6)
 

@@ -14,7 +14,7 @@ from diagnosis.measurements.grid import (
 )
 from diagnosis.measurements.mapping import Source
 from diagnosis.measurements.signal import DAY, Signal, make_signal, usual_hold
-from shared.flags import IMPOSSIBLE, PARTLY
+from shared.schema import IMPOSSIBLE, PARTLY
 from tests.diagnosis.measurements.house_cases import MAPPING, measured
 
 FINITE = st.floats(-1e3, 1e3)

@@ -11,7 +11,7 @@ from diagnosis.measurements.clock import find_zone, make_clock
 from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.weather import Daylight, cloud_cover, global_of, on_the_plane, sky, sun_clock
-from shared.flags import COMPUTED
+from shared.schema import COMPUTED
 from shared.signals import Weather
 
 PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)

@@ -3,8 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trainer.runs.spans import packed, unpacked
-from trainer.runs.systems import Systems
+from trainer.runs.systems import Systems, packed, unpacked
 
 PAIRS = st.sets(st.tuples(st.integers(0, 3), st.integers(0, 40)))
 
