@@ -131,7 +131,7 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
         best = settled(lin.problem, lin.z, lin.around, observed, lin.problem.floor, stage.colours.best, renewals=1)
         lin = renewed_among(best, effects, found)
         after = examine(lin, observed, seed=seed + len(found.stages))
-    if not first and not (worth_more(stage, after) and told(stage, refits, after)):
+    if not first and not (worth_more(stage, after) and told(stage, refits, after, found.settled[-1])):
         return False
     found.stages.append(after)
     found.refits.append(refits)
@@ -313,10 +313,13 @@ def worth_more(before: Stage, after: Stage) -> bool:
     return after.left_over <= PARSIMONY * before.left_over
 
 
-def told(before: Stage, refits: list[Refit], after: Stage) -> bool:
-    """Whether a further effect is one of few: a set that goes beyond the refits names what nobody has fitted."""
-    values = worth(before, refits, after).values()
-    return sum(one > max(values) - CLEAR for one in values) <= MOST_NAMES
+def told(before: Stage, refits: list[Refit], after: Stage, alone: Refit) -> bool:
+    """Whether a further effect is better than the first ``alone`` with the error that both leave, and one of few.
+
+    A set that goes beyond the refits names what nobody has fitted.
+    """
+    values = worth(before, refits, after, base=alone).values()
+    return max(values) >= CLEAR and sum(one > max(values) - CLEAR for one in values) <= MOST_NAMES
 
 
 def settled_base(base: Fit, observed: np.ndarray, *, renewals: int = RENEWALS) -> Refit:

@@ -247,13 +247,15 @@ def probabilities(
     if evidence.excess:  # recordings with a known cause hardly look like this, so weights do not say what it means
         odds[1] = max(odds[1], power * evidence.excess)
     chance = ((1 - no_gap) * np.exp(np.array(odds[1:]) - logsumexp(odds[1:]))).tolist()
-    second = power * np.array([*evidence.beside.values()])
+    # what is no better than the first effect alone is no second one
+    others = {name: value for name, value in evidence.beside.items() if value > 0 or name in evidence.chosen[1:]}
+    second = power * np.array([*others.values()])
     beside = np.exp(second - logsumexp(second)).tolist() if len(second) else []
     return Probabilities(
         no_gap,
         chance[0],
         dict(zip(evidence.candidates, chance[1:], strict=True)),
-        dict(zip(evidence.beside, beside, strict=True)),
+        dict(zip(others, beside, strict=True)),
     )
 
 

@@ -26,6 +26,9 @@ def refits(**evidence):
     return sorted(made, key=lambda one: -one.evidence_with({}))
 
 
+ALONE = SimpleNamespace(evidence_with=lambda colours: -10.0)
+
+
 def test_what_was_not_refitted_gains_what_refits_gained_and_is_no_better_than_the_last_of_them():
     found = worth(stage(9.0, 8.0, 6.5, 2.0), refits(_0=-3.0, _1=-5.0), stage())
     assert found == {"0": -3.0, "1": -5.0, "2": -6.0, "3": -10.5}  # by -12.5 in the middle
@@ -33,8 +36,7 @@ def test_what_was_not_refitted_gains_what_refits_gained_and_is_no_better_than_th
 
 
 def test_evidence_is_over_the_base_model_that_was_fitted_as_they_were():
-    base = SimpleNamespace(evidence_with=lambda colours: -10.0)
-    assert worth(stage(9.0), refits(_0=-3.0), stage(), base=base) == {"0": 7.0}
+    assert worth(stage(9.0), refits(_0=-3.0), stage(), base=ALONE) == {"0": 7.0}
 
 
 def test_what_was_looked_at_and_not_refitted_is_as_far_behind_as_it_was():
@@ -61,7 +63,14 @@ def test_what_could_not_be_tried_is_no_alternative(how):
 def test_a_further_effect_that_could_be_any_of_many_is_not_named(alike, is_told):
     near, far = 0.9 * CLEAR, 1.1 * CLEAR
     after = stage(9.0, *[9.0 - near] * (alike - 1), *[9.0 - far] * (20 - alike))
-    assert told(after, refits(_0=-1.0), stage()) is is_told
+    assert told(after, refits(_0=-1.0), stage(), ALONE) is is_told
+
+
+def test_a_further_effect_that_is_no_better_than_the_first_alone_is_not_named():
+    """With the error that both leave: with that of the first alone it was better."""
+    after = stage(9.0, 1.0)
+    assert told(after, refits(_0=-10.0 + CLEAR), stage(), ALONE)
+    assert not told(after, refits(_0=-10.1 + CLEAR), stage(), ALONE)
 
 
 @pytest.mark.parametrize(("left_over", "worth_it"), [(0.99 * PARSIMONY, True), (1.01 * PARSIMONY, False)])

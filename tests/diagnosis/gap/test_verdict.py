@@ -147,6 +147,9 @@ def test_of_two_effects_the_second_is_as_sure_as_such_seconds_were():
     assert done.probabilities["two"] == pytest.approx(BY.second, abs=0.001)
     alike = replace(both, beside={"two": 30.0, "three": 30.0})
     assert decide(alike, BY).sets == (("one",), ("two", "three"))
+    nothing = dict.fromkeys(map(str, range(30)), 0.0)  # no better than the first alone: no second one
+    wide = BY.model_copy(update={"held": {"all": 0.02}})
+    assert decide(replace(both, beside={"two": 2.0} | nothing), wide).sets[1] == ("two",)
     whole(decide(replace(both, candidates={"one": 0.1}), BY))  # no gap: nothing of a second
 
 
