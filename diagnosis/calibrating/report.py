@@ -9,7 +9,7 @@ import numpy as np
 
 from datagen.driving.tables import Piecewise
 from diagnosis import panels
-from diagnosis.calibrating.calibration import Calibrated
+from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.schema import CORRELATED, Calibration, Parameter
 from diagnosis.curves import BLUE, GREY, ORANGE, RED, dates, embedded, figure, range_ends, readable
 from diagnosis.fitting.runs import LIMIT, within_limit
