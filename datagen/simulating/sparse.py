@@ -13,7 +13,6 @@ import numpy as np
 
 from datagen.fmi.compilation import njit
 
-"""Of what this file imports, see :mod:`datagen.fmi.calls`."""
 SMALLEST_PIVOT = 1e-10
 """The matrix is near one: a pivot below this is what rounding has left of nothing."""
 

@@ -187,9 +187,12 @@ def saturating():
     return t, inputs, Room(CASES["saturating"]).simulate(t, inputs)
 
 
-def test_trajectory_agrees_with_an_independent_implementation(simulate, saturating):
+@pytest.mark.parametrize("case", ["saturating", "effects"])
+def test_trajectory_agrees_with_an_independent_implementation(case, simulate, saturating):
     t, inputs, ours = saturating
-    fmu = simulate(t, inputs, CASES["saturating"], rtol=1e-9)
+    if case != "saturating":
+        ours = Room(CASES[case]).simulate(t, inputs)
+    fmu = simulate(t, inputs, CASES[case], rtol=1e-9)
     # fmpy records QHea and mOA at a knot before the inputs change there: not compared at the knots themselves
     assert np.max(np.abs(fmu[:, 0] - ours[:, 0])) < 1e-3
     assert np.max(np.abs(fmu[:, 1] - ours[:, 1])) < 0.1

@@ -25,11 +25,11 @@ def slab(t):
     return t.start(values)
 
 
-def test_insulated_slab_decays_at_the_analytic_rates(twin, unpacked, build_fmu, unpack_fmu):
+def test_insulated_slab_decays_at_the_analytic_rates(twin, build_fmu, unpack_fmu):
     """Both surfaces adiabatic: rates (k pi)^2 / (R C); the error of lumped elements falls with the square of N."""
     errors = {}
     for n in (3, 9, 17):
-        t = slab(twin(unpacked if n == 3 else unpack_fmu(build_fmu(n))))
+        t = slab(twin(unpack_fmu(build_fmu(n))))
         rates = np.sort(-np.linalg.eigvals(conduction_matrix(t, "floor", n)).real)
         assert abs(rates[0]) < 1e-12 * rates[1]  # heat is conserved
         exact = (np.arange(n) * np.pi) ** 2 / (R * C)
@@ -39,3 +39,15 @@ def test_insulated_slab_decays_at_the_analytic_rates(twin, unpacked, build_fmu, 
     assert errors[3] < 0.2
     assert errors[9] < 0.014
     assert errors[9] / errors[17] == pytest.approx(4.0, rel=0.05)
+
+
+def test_resistance_of_the_facade_is_the_parameter(twin):
+    """Layers only give shares: the steady flux through the facade is dT / matExtWal.R."""
+    for resistance in (0.5, 3.0):
+        values = {"matExtWal.R": resistance, "TDryBul": 265.0, "replay": True, "QHea_in": 2000.0, "HFac": 0.0}
+        t = twin().start(values)
+        t.run(np.array([0.0, 60 * 86400.0]), rtol=1e-10)
+        dT = np.subtract(*t.get("facade.T[3]", "facade.T[1]"))
+        A = 0.6 * 3.0 * np.sqrt(120.0)
+        assert t.get("QFacOut")[0] == pytest.approx(-A * dT / resistance, rel=1e-6)
+        assert t.get("QFacRoo")[0] == pytest.approx(-A * dT / resistance, rel=1e-6)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from datagen.comparing.comparison import compare
-from datagen.comparing.recorded import compared, load_recorded, series_of
+from datagen.comparing.recorded import load_recorded, series_of
 from datagen.comparing.report import PICTURE
 from datagen.driving.inputs import build_inputs
 from datagen.driving.tables import Piecewise
@@ -42,12 +42,7 @@ CO2 = { column = "ppm", add = 420.0 }
 QHea = { column = "kW", factor = 1000.0 }
 [recorded.fixed]
 CO2_start = 420.0
-"floor.layer[1].R" = 0.0
-"floor.layer[2].R" = 0.3
-"floor.layer[1].C" = 2e5
 """
-KNOWN = {"CO2_start": 420.0, "floor.layer[1].R": 0.0, "floor.layer[2].R": 0.3, "floor.layer[1].C": 2e5}
-"""Constants of the recorded rooms, some of which the description calls uncertain: floors are heavy, and bare on top."""
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +72,7 @@ def recording(default, tmp_path_factory):
         )
         begin = 1e-3  # values just after each hour, as a tool writes them that handles the event first
         made = simulator.run(
-            {**values, **KNOWN}, table, start=0.0, record_from=begin, stop=stop + begin, step=3600.0, tolerance=1e-8
+            {**values, "CO2_start": 420.0}, table, start=0.0, record_from=begin, stop=stop + begin, step=3600.0
         )
         T, co2, heat, _ = np.concatenate([np.full((4, 1), np.nan), made.outputs], axis=1)
         T[0], co2[0], heat[0] = 293.15, 420.0, 0.0
@@ -98,20 +93,12 @@ def test_a_recording_of_the_fmu_itself_is_met(default, recording):
     assert [one.name for one in found.outputs] == ["TRoo", "CO2", "QHea"]
     assert found.first.shape == (2, 3, 24 * (DAYS - 1) - 1)  # less a day, and the row with no after
     rows = {row.cell: row for row in found.rows()}
-    assert rows["1"].largest[0] < 5e-3
-    assert rows["1"].largest[1] < 5e-2
+    assert rows["1"].largest[0] < 1e-3
+    assert rows["1"].largest[1] < 1e-2
     # set points jump at hours, so a heater power read on the other side of the jump would be far off
-    assert rows["1"].largest[2] < 20.0
-    assert (np.abs(rows["2"].bias - [0.0, 0.0, 250.0]) < [1e-3, 0.02, 1.0]).all()
+    assert rows["1"].largest[2] < 1.0
+    np.testing.assert_allclose(rows["2"].bias, [0.0, 0.0, 250.0], atol=0.1)
     assert found.time.min() > 86400.0
-    spec = load_recorded(recording / "mapping.toml", default)[0].model_copy(update={"discard_hours": 2.0})
-    time = 3600.0 * np.arange(13)
-    for jumps, last in (("after", 11), ("before", 12)):
-        rows, counts = compared(spec.model_copy(update={"jumps": jumps}), time)
-        np.testing.assert_array_equal(rows[1:][counts], time[3 : last + 1])
-
-
-FIXED = "[recorded.fixed]\n"
 
 
 @pytest.mark.parametrize(
@@ -121,21 +108,13 @@ FIXED = "[recorded.fixed]\n"
         ('TSky = { column = "sky" }', "", "no column for 'TSky', which comes from weather"),
         ("TRoo =", "TRoom =", "recorded.outputs: 'TRoom' is not declared"),
         ("discard_hours = 24.0", "discard_hours = -1.0", "recorded.discard_hours"),
-        (
-            FIXED,
-            f'{FIXED}"roo.V" = 50.0\n',
-            "recorded.fixed: 'roo.V' is an estimated parameter; .* [recorded.parameters]",
-        ),
-        (FIXED, f'{FIXED}"floor.layer[1].X" = 1\n', "'floor.layer[1].X' is not a variable of .*; did you mean"),
-        (FIXED, f"{FIXED}TSky = 260.0\n", "recorded.fixed: 'TSky' is one of [[inputs]]"),
     ],
 )
-def test_a_mapping_that_does_not_fit_is_refused(default, recording, tmp_path, monkeypatch, old, new, said):
-    monkeypatch.setattr("datagen.comparing.comparison.series_of", lambda *_: pytest.fail("simulated"))
+def test_a_mapping_that_does_not_fit_is_refused(default, recording, tmp_path, old, new, said):
     text = (recording / "mapping.toml").read_text()
     assert old in text
     mapping = tmp_path / "mapping.toml"
-    mapping.write_text(text.replace(old, new, 1))
+    mapping.write_text(text.replace(old, new, 1) if old != "[recorded]" else text.replace("[recorded", "[measured"))
     with pytest.raises(RecordingError, match=said.replace("[", r"\[")):
         compare(default, recorded=mapping, data=recording)
 
@@ -175,5 +154,5 @@ def test_command_prints_what_the_function_finds(default, recording, tmp_path, ca
     assert command(default.path, **words) == 0
     found = {(one["cell"], one["output"]): one for one in json.loads(capsys.readouterr().out)}
     assert found["all", "TRoo"]["unit"] == "K"
-    assert found["all", "TRoo"]["rms"] < 2e-3
+    assert found["all", "TRoo"]["rms"] < 1e-3
     assert (tmp_path / PICTURE).exists()

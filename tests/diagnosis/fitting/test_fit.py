@@ -151,17 +151,17 @@ def test_an_absence_behind_a_saturated_controller_is_found(room):
     np.testing.assert_allclose(heights[far], other.nuisance.heights(full)[far], atol=0.5)
 
 
-@pytest.mark.parametrize(("kind", "hours"), [("me", 120), ("cs", 48)])
-def test_a_house_is_recovered(problem_of, kind, hours):
+@pytest.mark.parametrize(("kind", "hours", "least"), [("me", 240, 0.2), ("cs", 72, 0.05)])
+def test_a_house_is_recovered(problem_of, kind, hours, least):
     """The recording is made by another program, the exact recursion; both kinds of FMU find its parameters."""
     found = fit(problem_of(hours, kind))
     assert found.converged
     error = (found.z - found.problem.unknowns(TRUTH)) / found.sd
     assert np.abs(error).max() < 3.5
-    assert found.sd.max() < 0.3
+    assert found.sd.max() < 0.2
     assert found.at_bound == ()
     # less than 1: the heater is a mean over hours to the fit, which cannot know that it was constant within them
-    assert 0.05 < np.mean(found.residual**2) < 1.3
+    assert least < np.mean(found.residual**2) < 1.3
 
 
 def knowing(system, *names):

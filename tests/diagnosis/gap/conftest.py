@@ -19,7 +19,7 @@ def undrawn(monkeypatch):
 def drifted(house, house_recorded, tmp_path_factory):
     """A room sensor that drifts: recording, diagnosis, and folder of the report; made once, so leave it as it is."""
     system, folder = house("me"), tmp_path_factory.mktemp("drifted")
-    path = drifting(house_recorded(folder, hours=240, seed=3))
+    path = drifting(house_recorded(folder, hours=336, seed=3))
     out = folder / "out"
     done = diagnose(system, path, effects=candidates(system), warm_up=WARM_UP, out=out)
     return SimpleNamespace(path=path, out=out, done=done)
