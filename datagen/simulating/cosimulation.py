@@ -38,7 +38,6 @@ from datagen.fmi.calls import (
 )
 from datagen.fmi.compilation import njit
 
-
 LONGEST_STEP = 300.0
 """Longest communication step [s]; also at most the FMU's own default step, where that is not very small."""
 STEPS_FOR_A_MEAN = 12

@@ -24,7 +24,6 @@ from datagen.fmi.calls import (
 from datagen.fmi.compilation import njit
 from datagen.fmi.foreign import foreign
 
-
 _c_ppp = foreign("i:ppp")
 
 

@@ -69,7 +69,6 @@ from datagen.fmi.compilation import cfunc, njit
 from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate, set_states
 
-
 BELOW_ZERO = -1e-300
 """An indicator that is 0 counts as this: to FMI its two domains are z > 0 and z <= 0, while CVODE reports 0 itself,
 where the FMU sees no change yet, and then takes no notice when it becomes positive."""

@@ -40,7 +40,6 @@ from datagen.fmi.foreign import foreign
 from datagen.simulating.evaluation import evaluate
 from datagen.simulating.sparse import analyse, colour, factorise, substitute
 
-
 # places in the counts
 STEPS_SINCE_FACTORS, STEPS_SINCE_JACOBIAN, FAILED, ITERATIONS, FACTORISATIONS, JACOBIANS, COLOURS, PATTERNS = range(8)
 COUNTS = 8

@@ -34,7 +34,8 @@ def asked(monkeypatch, hours):
 @pytest.mark.parametrize("units", ["hours since 2022-02-01 00:00:00", "seconds since 2022-01-05", "s"])
 def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_path, monkeypatch, units):
     """Whatever the file counts from, and where one system of a shard has its beginning apart."""
-    data = simulate(default_system, hours=72.0, seed=1).drop_vars("time_bnds")
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False).drop_vars("time_bnds")
     time = data["time"].values / (3600.0 if units.startswith("hours") else 1.0)
     data = data.assign_coords(time=("time", time, {"units": units}))
     if units == "s":
@@ -53,7 +54,8 @@ def test_the_estimate_is_of_the_stretch_that_is_calibrated(default_system, tmp_p
 
 def test_residuals_are_of_the_estimate_that_a_calibration_begins_with(default_system, tmp_path):
     """Columns of a logger that never read anything stand in the file; held against a file that never had them."""
-    data = simulate(default_system, hours=72.0, seed=1)
+    simulate(default_system, hours=72.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
     unread = [name for name in default_system.output_names if name not in ("TRoo", "CO2")]
     data.drop_vars(unread).to_netcdf(tmp_path / "two.nc")
     for name in unread:
@@ -66,7 +68,8 @@ def test_residuals_are_of_the_estimate_that_a_calibration_begins_with(default_sy
 
 def test_the_estimate_of_a_stretch_is_that_of_a_recording_of_it_alone(default_system, tmp_path, caplog):
     """Ten hours of the weather are lost: before them lie 130 h, and after them 100 h."""
-    data = simulate(default_system, hours=240.0, seed=1)
+    simulate(default_system, hours=240.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
     data["TDryBul"].values[130:140] = np.nan
     data.to_netcdf(tmp_path / "lost.nc")
     for number, part in ((1, slice(0, 130)), (2, slice(140, 240))):
@@ -91,3 +94,27 @@ def test_a_recording_of_which_most_is_missing_is_not_made_up(default_system, tmp
     shown[:2, np.arange(shown.shape[1]) % 4 != 0] = np.nan
     with pytest.raises(RecordingError, match=r"one\.nc: TRoo has 126 missing values in its last 168 samples"):
         estimate("MixedAirCO2", replace(record, outputs=shown), default_system)
+
+
+def test_what_was_put_in_is_told_and_an_old_outage_does_not_hinder(default_system, tmp_path, caplog):
+    """Days with most readings lost, then three with two of the weather: these are read as if nothing were missing."""
+    simulate(default_system, hours=168.0, seed=1, out=tmp_path / "one.nc")
+    data = xr.load_dataset(tmp_path / "one.nc", decode_times=False)
+    temperature = data["TDryBul"].values
+    temperature[150:152] = np.interp([150, 151], [149, 152], temperature[[149, 152]])
+    data.to_netcdf(tmp_path / "filled.nc")
+    record = read_recording(tmp_path / "filled.nc", default_system)
+    parts = {name: values[96:] for name, values in record.inputs.items()}
+    last = replace(record, time=record.time[96:], outputs=record.outputs[:, 96:], inputs=parts)
+    temperature[150:152] = np.nan
+    data["CO2"].values[np.flatnonzero(np.arange(96) % 4)] = np.nan
+    data.to_netcdf(tmp_path / "lost.nc")
+    outputs = record.outputs.copy()
+    outputs[:, 120] = np.nan
+    expected = estimate("MixedAirCO2", replace(last, outputs=outputs[:, 96:]), default_system)
+    assert "filled.nc: the estimator interpolated 4 readings that were lost singly" in caplog.text
+    outputs[default_system.output_names.index("CO2"), np.flatnonzero(np.arange(96) % 4)] = np.nan
+    found = estimate("MixedAirCO2", replace(record, outputs=outputs, path=tmp_path / "lost.nc"), default_system)
+    assert found == pytest.approx(expected, rel=1e-4)
+    assert "lost.nc: for the estimator, readings were interpolated: " in caplog.text
+    assert "did not read a longer window" in caplog.text and "CO2 has 73 missing" in caplog.text

@@ -54,6 +54,18 @@ def isotropic(dni, ghi, dhi, cos_incidence, tilt, albedo):
     return dni * np.maximum(cos_incidence, 0) + dhi * (1 + np.cos(tilt)) / 2 + ground
 
 
+def test_facade_irradiance_by_hand_at_noon_of_a_clear_day():
+    # 16 January: hours 11-12 and 12-13 have DNI 957, 963, GHI 557, 586, DHI 61, 63 W/m2. At 11:30 and 12:30 the
+    # sun stands 31.3 and 33.1 degree high, and its beam meets the south wall with cosines 0.8194 and 0.8379:
+    #   957 * 0.8194 + 61 / 2 + 0.2 * 557 / 2 = 870.4;  963 * 0.8379 + 63 / 2 + 0.2 * 586 / 2 = 897.0
+    up, south, _ = textbook_sun(np.array([15 * 24 + 11.5, 15 * 24 + 12.5]))
+    np.testing.assert_allclose(np.degrees(np.arcsin(up)), [31.3, 33.1], atol=0.1)
+    np.testing.assert_allclose(south, [0.8194, 0.8379], atol=5e-5)
+    at_noon = read(transposition="isotropic").values("poa_global")[15 * 24 + 12]
+    # 0.03 degree of refraction and of the formulas' error
+    assert at_noon == pytest.approx((870.4 + 897.0) / 2, rel=0.0005)
+
+
 def test_perez_by_hand_at_noon_of_a_clear_day():
     # Perez et al. 1990, Solar Energy 44(5), table 6, clearness above 6.2; extraterrestrial 1414 W/m2 in mid-January
     f = np.array([0.678, -0.327, -0.250, 0.156, -1.377, 0.251])

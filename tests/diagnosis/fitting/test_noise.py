@@ -39,6 +39,18 @@ def test_draws_have_the_covariance(noise):
     np.testing.assert_allclose(np.cov(draws, rowvar=False), dense(noise, 0, time), atol=0.004)
 
 
+def test_slow_noise_is_found_and_white_noise_is_left_alone(noise):
+    rng = np.random.default_rng(2)
+    time = HOUR * np.arange(1, 673)
+    observed = np.ones((2, 672), dtype=bool)
+    found = estimated(NoiseModel.white_only(noise.white), noise.draw(rng, time), observed, time)
+    assert found.slow[0] == pytest.approx(0.3, rel=0.3)
+    assert found.time[0] == pytest.approx(6 * HOUR, rel=0.6)
+    assert found.white[0] == pytest.approx(0.1, rel=0.3)
+    assert found.slow[1] == 0.0
+    assert found.white[1] == 20.0
+
+
 def deviance(found, residual, time):
     """Twice the negative log likelihood by the covariance written out."""
     covariance = dense(found, 0, time)

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from diagnosis.gap import concluded
 from diagnosis.gap.page import answered_by, output_panels, render
@@ -64,3 +65,18 @@ def test_where_there_is_no_gap_no_place_is_called_one(drifted, monkeypatch):
     assert "None of this is enough for a gap" in page and {"none"} == answered_by(done)
     assert SUSPECT not in page and "this balance is off" not in page and answered_by(drifted.done) == {"sensor"}
     assert drifted.done.report.dropped == [] and "None of this is enough" not in " ".join(render(drifted.done).split())
+
+
+def test_what_the_effects_found_account_for_is_drawn_into_what_the_model_lacks(drifted, monkeypatch):
+    """The readings that the effects took away stand for it: all of it where nothing is left."""
+    drawn = {}
+    monkeypatch.setattr("diagnosis.gap.page.source_panels", lambda *_, **given: drawn.update(given) or [])
+    render(drifted.done)
+    assert drawn["explained"].keys() == {one.name for one in drifted.done.where.sources.sources}
+    where = drifted.done.where
+    nothing = replace(where, residuals=replace(where.residuals, observed=np.zeros_like(where.residuals.observed)))
+    render(replace(drifted.done, where_left=nothing))
+    for one in where.sources.sources:
+        assert drawn["explained"][one.name] == pytest.approx(one.estimate, abs=1e-6 * np.abs(one.estimate).max())
+    render(replace(drifted.done, where_left=None))
+    assert drawn["explained"] is None
