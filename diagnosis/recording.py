@@ -89,7 +89,7 @@ def needed_inputs(
     return [name for name in recorded if name not in idle]
 
 
-def said_missing(system: System, recorded: Container[str]) -> str:
+def sentence_on_missing(system: System, recorded: Container[str]) -> str:
     """Which inputs a simulation lacks that were not recorded, and where to write them; "" where it lacks none.
 
     Weather has no stand-in, nor has a measured input in whose place no controller of the FMU acts.

@@ -37,7 +37,7 @@ from datagen.driving.inputs import schedule_signal
 from datagen.driving.occupancy import occupancy_prior
 from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.fitting.nuisance import FIELDS, Level, Nuisance, no_nuisance
-from diagnosis.recording import DAY, HOUR, Recording, extended, said_missing, whole_days
+from diagnosis.recording import DAY, HOUR, Recording, extended, sentence_on_missing, whole_days
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.signals import Occupancy
 from shared.system import System
@@ -355,7 +355,7 @@ def drive(
     lead = round(warm_up / recording.step)
     begin = recording.start - whole_days(recording, lead) * recording.step
     sought = [one.name for one in system.inputs if one.source == "measured"] if replay else []  # by :func:`_actuator`
-    if lacking := said_missing(system, {*recording.inputs, *sought}):
+    if lacking := sentence_on_missing(system, {*recording.inputs, *sought}):
         raise RecordingError(f"{recording.path}: {lacking}")
     signals: dict[str, Piecewise] = {}
     assumed: dict[str, str] = {}

@@ -230,7 +230,7 @@ def import_recording(
     composers = [Composer(described, *one, clock, edges) for one in zip(settings, read, strict=True)]
     composer = composers[0]
     for one in composers[1:]:
-        composer.notes.extend(_beside(one))
+        composer.notes.extend(_about_further(one))
     series, missing = _series(composers)
     for one in composers:
         one.outdoors.check_sun(series)
@@ -326,7 +326,7 @@ def _edges(system: System, mapping: Mapping, read: Sequence[Measurements], clock
     return np.asarray(step * np.arange(first, last + 1))
 
 
-def _beside(one: Composer) -> list[str]:
+def _about_further(one: Composer) -> list[str]:
     """What is said of measurements beside the first ones.
 
     Raises
@@ -350,7 +350,7 @@ def _series(composers: Sequence[Composer]) -> tuple[list[Series], list[str]]:
     series, missing = [], []
     system = composers[0].system
     outputs = [(one.name, [composer.output(one) for composer in composers]) for one in system.outputs]
-    inputs = [(one.name, [_of(composers, one)]) for one in system.inputs]
+    inputs = [(one.name, [_input_series(composers, one)]) for one in system.inputs]
     for name, made in [*outputs, *inputs]:
         found = next((one for one in made if one is not None), None)
         if found is None:
@@ -360,7 +360,7 @@ def _series(composers: Sequence[Composer]) -> tuple[list[Series], list[str]]:
     return series, missing
 
 
-def _of(composers: Sequence[Composer], one: Input) -> Series | None:
+def _input_series(composers: Sequence[Composer], one: Input) -> Series | None:
     """The series of an input: of the mapping that names it, of the weather of any, or what the first makes of it."""
     named = [composer for composer in composers if one.name in composer.mapping.variables]
     if isinstance(one, WeatherInput) and not named:

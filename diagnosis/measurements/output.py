@@ -25,7 +25,7 @@ from diagnosis.measurements.clock import Clock
 from diagnosis.measurements.grid import Series
 from diagnosis.measurements.signal import Signal, usual_gap
 from diagnosis.physics import Finding
-from diagnosis.recording import needed_inputs, said_missing
+from diagnosis.recording import needed_inputs, sentence_on_missing
 from shared.errors import RecordingError
 from shared.netcdf import write_netcdf
 from shared.numbers import counted
@@ -377,7 +377,9 @@ def sentences_of(missing: Sequence[str], system: System) -> list[str]:
     if persons:
         said.append(f"occupants were not counted ({', '.join(persons)}): fits treat them as unknown")
     if inputs:
-        said.append(said_missing(system, {*system.input_names} - {*inputs}) or f"not recorded: {', '.join(inputs)}")
+        said.append(
+            sentence_on_missing(system, {*system.input_names} - {*inputs}) or f"not recorded: {', '.join(inputs)}"
+        )
     return said
 
 
