@@ -92,5 +92,7 @@ def test_a_house_of_my_own(tmp_path, monkeypatch):
     house.draw(made, tmp_path / "house.png")
     house.draw_answer(made, system, recording, tmp_path / "diagnosis.png")
     assert (tmp_path / "diagnosis.png").stat().st_size > 20_000
-    # a model that lacks the equipment makes up for it in other ways on other processors: 0.30 to 0.38 K
-    assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05, shaky=("RMS before", "placebo"))
+    # a model that lacks the equipment makes up for it in other ways on other processors: 0.30 to 0.38 K; and the
+    # estimate, from 300 houses, moves by a tenth where these differ by the integrator's error
+    shaky = ("zero-shot", "RMS before", "placebo")
+    assert_page_is_true("house", "\n".join(house.tables(made)), rel=0.05, shaky=shaky)
