@@ -97,6 +97,7 @@ def reported(done: Answered, began: Began) -> Report:
         no_gap=decision.nothing,
         mistaken=decision.mistaken,
         or_none=decision.or_none,
+        possible=list(decision.possible),
         gap=decision.gap,
         rejected=decision.rejected,
         unlike=decision.unlike,

@@ -237,6 +237,7 @@ class Report(Result, _Table):
         " gap, and of the other candidates"
     )
     or_none: bool = Field(description="whether none of the candidates belongs to the set, too")
+    possible: list[str] = Field(description="candidates that an answer of none of these does not rule out")
     gap: bool = Field(description="whether tests find a gap, whatever its cause")
     rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
     unlike: bool = Field(description="whether more is left unexplained than the nearest candidate, if any, explains")

@@ -158,7 +158,8 @@ def _which(report: Report) -> str:
             return f"{said} With parameters on their bounds the model is hardly that of this room: correct it{wider}."
         if report.uncalibrated:
             return f"{said} How sure that is cannot be told before `diagnosis farm` has calibrated this system."
-        return f"{said} That the cause is none of them is {chance(report.none_of_these)} sure{otherwise}."
+        possible = f" Not ruled out: {_listed(report, report.possible)}." if report.possible else ""
+        return f"{said} That the cause is none of them is {chance(report.none_of_these)} sure{otherwise}.{possible}"
     if report.verdict == "unfinished":
         foremost = [_sure(report, one.name) for one in report.foremost[:LISTED]]
         by_lines = f" In the linearised model the foremost are {', '.join(foremost)}." if foremost else ""
@@ -206,13 +207,17 @@ def _named(one: NamedEffect) -> str:
 
 def _one_of(report: Report, names: list[str]) -> str:
     """A set that cannot be told apart; a large one by its groups and the foremost."""
-    if len(names) == 1:
-        return _sure(report, names[0])
+    said = _listed(report, names)
+    return said if len(names) == 1 else f"one of {said}"
+
+
+def _listed(report: Report, names: list[str]) -> str:
+    """Candidates with their probabilities; of many, the groups and the foremost."""
     if len(names) <= LISTED:
-        return f"one of {', '.join(_sure(report, name) for name in names)}"
+        return ", ".join(_sure(report, name) for name in names)
     some = [one for one in report.effects if one.name in names]
     said = ", ".join(_sure(report, name) for name in names[:FOREMOST])
-    return f"one of {len(names)} ({_groups(some)}), foremost {said}"
+    return f"{len(names)} ({_groups(some)}), foremost {said}"
 
 
 def _groups(some: Collection[NamedEffect]) -> str:

@@ -130,8 +130,9 @@ class Decision:
     ``probabilities`` by candidate that it is a cause, ``none`` that the cause is none of them and ``nothing`` that
     there is no gap; for a single cause they sum to 1. ``mistaken``: probability that no cause is among what is named
     first. ``named`` are the effects of the answer, ``sets`` one for each effect found; ``or_none``: whether none of
-    these is in the set, too. ``gap``: whether tests find a gap; ``rejected``: whether one is left beside the effects;
-    ``unlike``: whether no effect is named because more is left than is explained.
+    these is in the set, too. ``possible``: candidates that an answer of none of these does not rule out. ``gap``:
+    whether tests find a gap; ``rejected``: whether one is left beside the effects; ``unlike``: whether no effect is
+    named because more is left than is explained.
     """
 
     verdict: Verdict
@@ -142,6 +143,7 @@ class Decision:
     named: tuple[str, ...]
     sets: tuple[tuple[str, ...], ...]
     or_none: bool
+    possible: tuple[str, ...]
     gap: bool
     rejected: bool
     unlike: bool
@@ -283,6 +285,7 @@ def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
             named,
             sets,
             or_none=bool(sets) and chance.none >= held,
+            possible=held_by(chance.causes, (), held) if verdict == "none_of_these" and own else (),
             gap=evidence.gap,
             rejected=evidence.rejected,
             unlike=verdict == "none_of_these" and evidence.excess > 0,

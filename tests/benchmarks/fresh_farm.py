@@ -43,7 +43,7 @@ def holds(row: Row, done: Decision) -> bool:
     """Whether the answer's set has what is true."""
     if row.stratum in OUTSIDE:
         return done.or_none or done.verdict == "none_of_these"
-    return any(name in row.true for name in done.named)
+    return any(name in row.true for name in (*done.named, *done.possible))
 
 
 def answers(done: Done) -> None:

@@ -32,7 +32,8 @@ CALIBRATED = CalibratedBy(
     answers=Answers(alarms=WORTH.model_copy(update={"true": 0.04}), named=WORTH, outside=WORTH),
 )
 
-LISTS = ("detectability", "sources", "effects", "sets", "parameters", "dropped", "shrinkage", "where", "replayed")
+LISTS = ("detectability", "sources", "effects", "sets", "possible", "parameters", "dropped", "shrinkage", "where")
+LISTS += ("replayed",)
 BARE = (
     {name: [] for name in LISTS}
     | {name: {} for name in ("sources_unknown", "excluded", "assumed")}

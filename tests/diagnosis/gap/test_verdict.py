@@ -130,6 +130,18 @@ def test_none_of_these_is_answered_where_it_is_more_probable_than_all_candidates
     assert decide(replace(alike, left=60.0), BY).verdict == "none_of_these"
 
 
+def test_an_answer_of_none_of_these_says_what_it_does_not_rule_out():
+    alike = replace(LOUD, candidates={"one": 50.0, "two": 49.0, "far": 5.0}, chosen=("one",), left=60.0)
+    done = decide(alike, BY)
+    least = done.probabilities["two"]
+    by = BY.model_copy(update={"held": {"all": least}})
+    assert decide(alike, by).possible == ("one", "two")
+    assert (decide(alike, by).named, decide(alike, by).sets) == ((), ())
+    by = BY.model_copy(update={"held": {"all": 1.01 * least}})
+    assert decide(alike, by).possible == ("one",)
+    assert decide(alike, by, own=False).possible == ()  # nobody knows what limits hold there
+
+
 def test_a_condition_with_limits_of_its_own_is_held_to_them():
     others = BY.model_copy(update={"held": {"all": 0.2, "replay, counted": 0.999}})
     wide = decide(LOUD, BY)
