@@ -18,7 +18,7 @@ from diagnosis.effects import Effect, clash, library
 from diagnosis.farming.laws import EXACT, Process, Span, Warped, course, outside, warped
 from diagnosis.gap.evidence import Evidence
 from diagnosis.recording import HOUR
-from shared.errors import SimulationError
+from shared.errors import RecordingError, SimulationError
 from shared.system import System
 
 STRATA = {"none": 0.4, "listed": 0.34, "two": 0.08, "withheld": 0.08, "outside": 0.1}
@@ -244,10 +244,22 @@ def diagnosed(
 
 
 def read_row(raw: dict[str, Any]) -> Row:
-    """A row as it was written."""
-    evidence = Evidence(**{**raw["evidence"], "chosen": tuple(raw["evidence"]["chosen"])})
-    errors = tuple((error, sd) for error, sd in raw["errors"])
-    return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence, "errors": errors})
+    """A row as it was written.
+
+    Raises
+    ------
+    RecordingError
+        If it is of another version, whose diagnosis told other things.
+    """
+    try:
+        evidence = Evidence(**{**raw["evidence"], "chosen": tuple(raw["evidence"]["chosen"])})
+        errors = tuple((error, sd) for error, sd in raw["errors"])
+        return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence, "errors": errors})
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(
+            f"row {raw.get('index', '?')} is of another version of `diagnosis farm` ({error}); expected rows of this:"
+            " give another --out"
+        ) from None
 
 
 def _one_of(shares: dict[str, float], place: float) -> str:

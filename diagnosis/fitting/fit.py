@@ -517,7 +517,6 @@ def fit(
     starts: Sequence[np.ndarray] | None = None,
     *,
     rounds: int = ROUNDS,
-    restless: int = 0,
     estimate_noise: bool = False,
 ) -> Fit:
     """Fit a problem from one or several starts.
@@ -529,8 +528,6 @@ def fit(
         the best of them goes on.
     rounds
         How often the nuisance's part of the covariance is renewed at most.
-    restless
-        How many rounds more at most, as long as the last one moved the unknowns far (:data:`LEAPING`).
     estimate_noise
         Estimate a slow error of each output and by how much its noise exceeds the given one.
 
@@ -548,12 +545,10 @@ def fit(
     moved, converged, near, done = np.inf, False, False, 0
     path: list[np.ndarray] = []
     bent, information = None, np.eye(problem.size)
-    most, round_ = rounds + restless, 0
+    round_ = 0
     try:
-        for round_ in range(most):
-            if round_ >= rounds and moved < LEAPING:
-                break
-            problem.runner.reached(round_ / most)
+        for round_ in range(rounds):
+            problem.runner.reached(round_ / rounds)
             z = between(path, z, round_)
             around = renewed(problem, z, around, leaps=moved < LEAPING)
             before = z

@@ -98,16 +98,8 @@ def concluded(
     known
         A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
     """
-    base = origin.fit
     cut = whole.runner.time_up
-    found = search(
-        base,
-        candidates,
-        whole.observed,
-        begin=origin.start,
-        seed=seed,
-        known=None if known is None else known.search,
-    )
+    found = search(origin, candidates, whole.observed, seed=seed, known=None if known is None else known.search)
     if cut:
         found.unfinished.why = {"the base model's fit to its end": NO_TIME, **found.unfinished.why}
     attempt = found.unfinished.attempt

@@ -9,7 +9,6 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import Unfinished
-from diagnosis.fitting.problem import Problem
 from diagnosis.gap.linear import Linearised
 from diagnosis.gap.refit import Refit, Rivals
 from diagnosis.gap.stages import LEVEL, Stage
@@ -34,14 +33,11 @@ class Made:
     them is, by their names.
     ``refits``: of a second effect, by its name. ``renewed``: a refit linearised by the candidates that remain, by its
     effects' names and its unknowns' bytes. ``apart``: both lines of a fit to a part, by the bytes of what was fitted;
-    its path is that of these stages alone. None is what cannot be simulated. ``base``: the base model's fit, and
-    linearised by all candidates; ``led``: whether another optimum was looked for, from where that fit began.
-    ``line``: where it began.
+    its path is that of these stages alone. None is what cannot be simulated. ``first``: the base model's fit
+    linearised by all candidates.
     """
 
-    base: tuple[Refit, Linearised] | None = None
-    led: bool = False
-    line: Linearised | None = None
+    first: Linearised | None = None
     rivals: dict[Hashable, tuple[set[str], Rivals]] = field(default_factory=dict)
     alike: dict[tuple[Hashable, Names], Rivals] = field(default_factory=dict)
     refits: dict[tuple[Hashable, str], Refit] = field(default_factory=dict)
@@ -57,8 +53,7 @@ class Search:
     ``tried``: at the first stage what all candidates were worth where the base model's fit began; none at a later one.
     ``compared``: the foremost where the best of them is, and the base model there, whether or not a gap is there.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
-    ``plain``: the base model's problem before its nuisances were widened, ``begin`` (unknowns,) where its fit began:
-    the middle of the prior if None.
+    ``line``: the base model linearised where its fit began.
     ``failed``: candidates whose simulation or algebra failed, at whatever step, and why. ``unfinished``: steps of the
     search that are lacking, and why; ``searched``: whether all candidates that stood out were refitted.
     ``dropped``: effects that were chosen and given up, because nothing shows that there is a gap.
@@ -67,8 +62,7 @@ class Search:
 
     stages: list[Stage]
     base: Refit
-    plain: Problem
-    begin: np.ndarray | None = None
+    line: Linearised
     refits: list[list[Refit]] = field(default_factory=list)
     settled: list[Refit] = field(default_factory=list)
     tried: list[Sequence[Ranked]] = field(default_factory=list)
@@ -121,6 +115,8 @@ class Evidence:
         Whether actuators were replayed, and persons counted.
     converged
         Whether the base model's fit came to rest.
+    strained
+        Whether it has a parameter on an end of its range: the description is hardly that of the room.
     gap
         Whether bootstrap replicates tell of a gap at the base model's fit, and a refit where a candidate told of it.
     searched
@@ -143,6 +139,7 @@ class Evidence:
     replay: bool
     counted: bool
     converged: bool
+    strained: bool
     gap: bool
     searched: bool
     candidates: dict[str, float]
@@ -157,9 +154,10 @@ class Evidence:
     def excess(self) -> float:
         """How much more log evidence a discrepancy has beside what was chosen, if anything was, than that took of it.
 
-        0 where it has less, and where bootstrap replicates do not reject what was chosen.
+        0 where it has less, where bootstrap replicates do not reject what was chosen, and in a room that the
+        description may be of: there a candidate that acts by a law of its own leaves as much.
         """
-        return max(2 * self.left - self.before, 0.0) if self.rejected else 0.0
+        return max(2 * self.left - self.before, 0.0) if self.rejected and self.strained else 0.0
 
 
 def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Evidence:
@@ -202,6 +200,7 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
         replay=bool(problem.replay),
         counted=not problem.nuisance.levels,
         converged=bool(search.base.settled),
+        strained=any(name in problem.system.parameter_names for name in search.base.at_bound),
         gap=bool(gap),
         searched=bool(search.searched),
         candidates=_at_least_none(values[0]),

@@ -92,7 +92,7 @@ def calibration(report: Report) -> str:
             f" They are not calibrated for this system ({report.uncalibrated}): run `diagnosis farm` for it, and until"
             " then take them as a rough guide."
         )
-    elif report.foreign:
+    elif report.unlike:
         said += " This room is hardly the described one: take them as a rough guide."
     return said
 

@@ -59,7 +59,7 @@ def output_panels(done: Diagnosis) -> list[Panel]:
 
 def draw_parameters(done: Diagnosis) -> Figure:
     """Parameters before and after, in their ranges, each in the scale of its prior."""
-    system = done.base.problem.system
+    system = done.search.base.lin.problem.system
     rows = done.report.parameters
     made = Figure(figsize=(10, 0.36 * len(rows) + 0.5), layout="constrained")
     axes = made.subplots()
@@ -97,7 +97,7 @@ def render(done: Diagnosis) -> str:
     zero, system = done.whole.recording.zero, done.whole.system
     begin = zero + np.timedelta64(round(done.report.start), "s")
     environment.filters["dated"] = lambda one: dated(one, zero)
-    relative = {one.name: one.relative for one in done.base.problem.constants}
+    relative = {one.name: one.relative for one in done.search.base.lin.problem.constants}
     return environment.get_template("gap.html.j2").render(
         report=done.report,
         warnings=warnings(done.report.physics),
@@ -162,6 +162,6 @@ def _pictures(done: Diagnosis) -> dict[str, str]:
 def _missing(done: Diagnosis) -> list[str]:
     """What is said of each source that the balances may lack."""
     where = done.where.among_all()
-    if where.sources is None or done.report.foreign:
+    if where.sources is None or done.report.unlike:
         return []
     return where.sources.said(dict(zip(where.residuals.names, where.residuals.labels, strict=True)), answered_by(done))

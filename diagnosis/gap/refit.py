@@ -43,14 +43,14 @@ from scipy.optimize import lsq_linear
 
 from diagnosis.effects import Effect, moved_in_time
 from diagnosis.fitting.failures import FAILURES, reason
-from diagnosis.fitting.fit import most_likely
+from diagnosis.fitting.fit import pruned
 from diagnosis.fitting.gaussian import factor
 from diagnosis.fitting.linear import Linearisation
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, estimated_colours, projected
 from diagnosis.gap.linear import Linearised, linearised, widened
 from diagnosis.gap.scan import mass
-from shared.errors import SimulationError
+from shared.errors import SimulationError, TimeUp
 
 RENEWALS = 3
 WORTH = 1.0
@@ -93,7 +93,7 @@ def settled(
     used = colours or estimated_colours(grams, size).best
     value = grams.evidence(used)
     for _ in range(renewals):
-        moved = refit(grams, used, grams.lin.z, ())
+        moved = refit(grams, used, grams.lin.z, (), redrawn=False)
         found = None
         for share in SHARES:
             there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
@@ -453,12 +453,14 @@ class Rivals:
 
 
 def line_at(plain: Problem, start: np.ndarray) -> Linearised:
-    """A problem without effects, linearised at a start and at the nuisance that is likely there.
+    """A problem without effects, linearised at a start and at the usual nuisance.
+
+    What the readings say of the nuisance at parameters that are far off is fiction, and fits begun on it end far off.
 
     Parameters
     ----------
     plain
-        Before its nuisances were widened.
+        Before any fit.
     start
         Unknowns, shape (unknowns,).
 
@@ -467,31 +469,33 @@ def line_at(plain: Problem, start: np.ndarray) -> Linearised:
     SimulationError
         If it cannot be simulated there.
     """
-    around = plain.linearise(start)
-    if plain.nuisance.guessed.any():  # at the usual persons of a day the line is wrong for the days that were
-        around, _ = most_likely(plain, start, rounds=2)
-    problem, around = widened(plain, around)
+    problem, around = widened(*pruned(plain, plain.linearise(start)))
     return linearised(problem, start, around)
 
 
-def base_from(line: Linearised, observed: np.ndarray, colours: dict[int, Colour]) -> Refit:
+def base_from(line: Linearised, observed: np.ndarray) -> Refit:
     """The base model's optimum, led to from a start and settled there.
+
+    Where the time is up on the way, or the way cannot be simulated, it is where the line led.
 
     Parameters
     ----------
     line
         At the start, without effects.
-    observed, colours
-        As of :func:`from_one_start`.
+    observed
+        Readings that count, shape (outputs, steps).
 
     Raises
     ------
-    SimulationError
-        If it cannot be simulated where the line leads.
+    TimeUp
+        If the time was up before the line had led anywhere.
     """
-    led = refit(Grams(line, observed), colours, line.z, (), redrawn=False)
-    problem = line.problem
-    return settled(problem, led.lin.z, led.lin.around, observed, problem.floor, colours)
+    problem, grams = line.problem, Grams(line, observed)
+    led = refit(grams, estimated_colours(grams, problem.floor).best, line.z, (), redrawn=False)
+    try:
+        return settled(problem, led.lin.z, led.lin.around, observed, problem.floor)
+    except (TimeUp, *FAILURES):
+        return led
 
 
 def from_one_start(

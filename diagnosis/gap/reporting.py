@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.effects import Effect
-from diagnosis.fitting.fit import Fit, doubted_sd
+from diagnosis.fitting.fit import doubted_sd
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.evidence import Evidence, Search
 from diagnosis.gap.limits import detectability, ends_left_out, limits, noiseless, strained
@@ -76,16 +76,11 @@ class Answered:
     scored: np.ndarray
     seed: int
 
-    @property
-    def base(self) -> Fit:
-        """The base model's fit."""
-        return self.origin.fit
-
 
 def reported(done: Answered, began: Began) -> Report:
     """All tables of ``report.json``."""
     search, decision, where, (by, uncalibrated) = done.search, done.decision, done.where, done.by
-    problem, first = done.base.problem, search.stages[0]
+    problem, first = search.base.lin.problem, search.stages[0]
     long = {one.name: one.long_name for one in problem.system.outputs}
     report = Report(
         verdict=decision.verdict,

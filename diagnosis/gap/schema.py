@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA_VERSION = 17
+SCHEMA_VERSION = 18
 HOW_FAR = "how far the gap shrinks"
 """Of the steps that a report may lack."""
 VERDICTS = {
@@ -240,7 +240,10 @@ class Report(Result, _Table):
     possible: list[str] = Field(description="candidates that an answer of none of these does not rule out")
     gap: bool = Field(description="whether tests find a gap, whatever its cause")
     rejected: bool = Field(description="whether the chosen effects are rejected on their own bootstrap replicates")
-    unlike: bool = Field(description="whether more is left unexplained than the nearest candidate, if any, explains")
+    unlike: bool = Field(
+        description="whether the model is hardly that of the room: a parameter is on its bound, and the nearest"
+        " candidate, if any, explains less than is left"
+    )
     where: list[Place]
     balance: str = Field(description="whether a balance or a sensor is off: balance, sensor, undecided, none")
     sources: list[SourceOf] = Field(description="what the balances may lack")
@@ -291,11 +294,6 @@ class Report(Result, _Table):
     cpu_seconds: float
     calibrated: CalibratedBy
     uncalibrated: str = Field("", description="why the probabilities are of another system; empty if they are not")
-
-    @property
-    def foreign(self) -> bool:
-        """Whether the model is hardly that of the room: more is left than explained, with a parameter on its bound."""
-        return self.unlike and any(one.at_bound for one in self.parameters)
 
     @property
     def foremost(self) -> list[NamedEffect]:

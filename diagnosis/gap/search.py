@@ -23,17 +23,12 @@ from diagnosis.fitting.failures import (
     reason,
     said_by,
 )
-from diagnosis.fitting.fit import Fit
 from diagnosis.gap.evidence import Made, Ranked, Search, evidence_before, worth
-from diagnosis.gap.linear import Linearised, applicable, fewer, linearised, widened
+from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
 from diagnosis.gap.refit import (
-    RENEWALS,
-    WORTH,
     Refit,
     Rivals,
-    base_from,
     from_one_start,
-    line_at,
     linear_start,
     on_the_best_line,
     refit,
@@ -42,6 +37,7 @@ from diagnosis.gap.refit import (
 )
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
+from diagnosis.gap.starting import Begun
 from shared.errors import TimeUp
 from shared.logs import logger
 from shared.numbers import counted
@@ -64,13 +60,7 @@ PARSIMONY = 0.6
 
 
 def search(
-    base: Fit,
-    effects: Sequence[Effect],
-    observed: np.ndarray,
-    *,
-    begin: np.ndarray | None = None,
-    seed: int = 0,
-    known: Search | None = None,
+    origin: Begun, effects: Sequence[Effect], observed: np.ndarray, *, seed: int = 0, known: Search | None = None
 ) -> Search:
     """Search for the effects behind a gap, from the fit of the base model.
 
@@ -80,13 +70,11 @@ def search(
         All candidates; those that cannot act here are left out and said why.
     observed
         Readings that count, shape (outputs, steps).
-    begin
-        Unknowns where the fit began, shape (unknowns,); the middle of the prior if not given.
     known
         A search from the same fit among these candidates and others; what does not depend on the others is taken
         from it.
     """
-    found = _begun(base, effects, observed, begin, seed, known)
+    found = _begun(origin, effects, observed, seed, known)
     why = ""
     while len(found.chosen) < MOST_EFFECTS:
         try:
@@ -192,108 +180,61 @@ def _at_start(found: Search, stage: Stage, names: Sequence[str]) -> Rivals:
     known = found.made.rivals.get(found.path)
     if known is not None and known[0] >= set(names):
         return known[1]
-    found.plain.runner.stage("looking at all effects from where the fit began")
+    found.base.lin.problem.runner.stage("looking at all effects from where the fit began")
     effects = [one for one in stage.lin.effects if one.name in names]
-    made = from_one_start(_line_at_start(found), effects, stage.grams.observed, stage.colours.best)
+    made = from_one_start(found.line, effects, stage.grams.observed, stage.colours.best)
     found.made.rivals[found.path] = set(names), made
     return made
-
-
-def _line_at_start(found: Search) -> Linearised:
-    """The line where the base model's fit began, drawn once."""
-    if found.made.line is None:
-        found.made.line = line_at(found.plain, np.zeros(found.plain.size) if found.begin is None else found.begin)
-    return found.made.line
 
 
 def _on_the_best_line(found: Search, rivals: Rivals, stage: Stage) -> Rivals:
     """The foremost candidates and the base model on one line, made once."""
     key = (found.path, tuple(one.names[0] for one in rivals.refits))
     if key not in found.made.alike:
-        found.plain.runner.stage(f"refitting {counted(len(rivals.refits), 'effect')} where the best is")
+        found.base.lin.problem.runner.stage(f"refitting {counted(len(rivals.refits), 'effect')} where the best is")
         found.made.alike[key] = on_the_best_line(rivals, stage.lin.z, stage.grams.observed, stage.colours.best)
     return found.made.alike[key]
 
 
-def _begun(
-    base: Fit,
-    effects: Sequence[Effect],
-    observed: np.ndarray,
-    begin: np.ndarray | None,
-    seed: int,
-    known: Search | None,
-) -> Search:
-    """A search at its first stage.
-
-    Where something differs, the base model is led to an optimum from where its fit began, too, and it is asked again at
-    the more plausible of both: a fit that has not come to its optimum leaves a gap of its own.
-    """
-    usable, why = applicable(base.problem, effects)
+def _begun(origin: Begun, effects: Sequence[Effect], observed: np.ndarray, seed: int, known: Search | None) -> Search:
+    """A search at its first stage."""
+    problem = origin.fit.lin.problem
+    usable, why = applicable(problem, effects)
     if known is not None:
-        if known.made.base is None:
-            raise ValueError("a search that is known has a base; expected one that search() made")
-        one, lin = known.made.base
-        lin = fewer(lin, effects, {*why, *lin.failed})
+        if known.made.first is None:
+            raise ValueError("a search that is known has a first stage; expected one that search() made")
+        lin = fewer(known.made.first, effects, {*why, *known.made.first.failed})
         stage, lacking, made = examine(lin, observed, seed=seed), "", known.made
     else:
-        base.problem.runner.stage(f"sensitivities of {len(usable)} effects")
-        one, lin, stage, lacking = _first_stage(base, usable, observed, seed)
-        made = Made(base=(one, lin))
-    found = Search([stage], one, base.problem, begin, excluded=why | lin.failed, made=made)
+        problem.runner.stage(f"sensitivities of {len(usable)} effects")
+        lin, stage, lacking = _first_stage(origin.fit, usable, observed, seed)
+        made = Made(first=lin)
+    found = Search([stage], origin.fit, origin.line, excluded=why | lin.failed, made=made)
     if lacking:
         found.unfinished.why["the candidates"] = lacking
         found.excluded |= {effect.name: lacking for effect in usable}
-    elif stage.differs and not made.led:
-        base.problem.runner.stage("leading the base model's fit from where it began")
-        made.led = True
-        _lead(found, effects, observed, seed)
     return found
 
 
-def _lead(found: Search, effects: Sequence[Effect], observed: np.ndarray, seed: int) -> None:
-    """Begin at the base model's optimum as it is reached from where its fit began, if that is more plausible."""
-    stage = found.stages[0]
-    try:
-        one = base_from(_line_at_start(found), observed, stage.colours.best)
-        if one.grams.evidence(stage.colours.best) < found.base.grams.evidence(stage.colours.best) + WORTH:
-            return
-        lin = renewed_among(one, effects, found)
-        after = examine(lin, observed, seed=seed)
-    except (TimeUp, *FAILURES) as error:
-        _log.info("the base model is where its fit ended: %s", error)
-        return
-    found.base, found.made.base, found.stages = one, (one, lin), [after]
-    found.excluded = {name: why for name, why in found.excluded.items() if name not in stage.lin.failed} | lin.failed
-
-
 def _first_stage(
-    base: Fit, usable: Sequence[Effect], observed: np.ndarray, seed: int
-) -> tuple[Refit, Linearised, Stage, str]:
-    """The base model's fit, linearised by all candidates, its stage, and why that is without them ("" if it is not).
-
-    Where the way to it fails, it is straight from where the fit ended, and at the last without candidates; so it is
-    where the time is up, too, which is then not asked for.
+    one: Refit, usable: Sequence[Effect], observed: np.ndarray, seed: int
+) -> tuple[Linearised, Stage, str]:
+    """The base model's fit linearised by all candidates, its stage, and why that is without them ("" if it is not).
 
     Raises
     ------
     SimulationError
-        If all of that fails.
+        If it fails without candidates, too.
     """
-    plans: list[tuple[Sequence[Effect], int]] = [(usable, RENEWALS), (usable, 0), ((), 0)]
-    why = ""
-    while True:
-        some, renewals = plans.pop(0)
-        try:
-            with base.problem.runner.lifted() if why == NO_TIME else nullcontext():
-                one = settled_base(base, observed, renewals=renewals)
-                lin = among(one, some)
-                return one, lin, examine(lin, observed, seed=seed), "" if some or not usable else why
-        except (TimeUp, *FAILURES) as error:
-            if not plans:
-                with said_by(base.problem.recording.path):
-                    raise
-            why = NO_TIME if isinstance(error, TimeUp) else reason(error)
-            plans = plans[-1:] if why == NO_TIME else plans
+    runner = one.lin.problem.runner
+    try:
+        lin = among(one, usable)
+        return lin, examine(lin, observed, seed=seed), ""
+    except (TimeUp, *FAILURES) as error:
+        why = NO_TIME if isinstance(error, TimeUp) else reason(error)
+    with runner.lifted() if why == NO_TIME else nullcontext(), said_by(one.lin.problem.recording.path):
+        lin = among(one, ())
+        return lin, examine(lin, observed, seed=seed), why
 
 
 def at_its_optimum(found: Search) -> Search:
@@ -322,12 +263,6 @@ def told(before: Stage, refits: list[Refit], after: Stage, alone: Refit) -> bool
     return max(values) >= CLEAR and sum(one > max(values) - CLEAR for one in values) <= MOST_NAMES
 
 
-def settled_base(base: Fit, observed: np.ndarray, *, renewals: int = RENEWALS) -> Refit:
-    """A fit with its nuisances as wide as they are, linearised where it then is: see :func:`.refit.settled`."""
-    problem, around = widened(base.problem, base.around)
-    return settled(problem, base.z, around, observed, problem.floor, renewals=renewals)
-
-
 def among(one: Refit, effects: Sequence[Effect]) -> Linearised:
     """A fit linearised by candidates as well."""
     return linearised(one.lin.problem, one.lin.z, one.lin.around, effects, one.lin.by_unknown, one.lin)
@@ -352,7 +287,7 @@ def refitted(stage: Stage, found: Search) -> list[Refit]:
         if key in found.made.refits:
             made.append(found.made.refits[key])
             continue
-        found.plain.runner.stage(f"refitting with {effect.name}")
+        found.base.lin.problem.runner.stage(f"refitting with {effect.name}")
         # rounded, so that a refit is the same to the last bit whatever candidates are beside it
         start = np.round(linear_start(stage.grams, stage.colours.best, [j]), 9)
         try:

@@ -118,7 +118,7 @@ def _kind(report: Report, sensors: Collection[str]) -> str:
     That is of the base model alone, whose parameters have made up for some of it: an effect of the other sort that is
     named was fitted with them, and is not contradicted.
     """
-    if report.foreign:  # a model of another room says nothing of the sensors in this one
+    if report.unlike:  # a model of another room says nothing of the sensors in this one
         return ""
     named = {one.name in sensors for one in report.effects if one.named}
     if report.balance == "sensor":
@@ -153,7 +153,7 @@ def _which(report: Report) -> str:
             rejected = ", which leaves more unexplained than it explains"
         nearest = f"; the nearest is {chosen}{rejected}" if chosen else ""
         said = f"Which: none of the {tried} candidates explains it{nearest}."
-        if report.foreign:
+        if report.unlike:
             wider = f", or try {report.wider}, which has wider ranges" if report.wider else ""
             return f"{said} With parameters on their bounds the model is hardly that of this room: correct it{wider}."
         if report.uncalibrated:

@@ -1,8 +1,7 @@
 """The base model's fit, from where a diagnosis begins: an estimator's zero-shot estimate, and the middle of the prior.
 
-Two rounds from the middle of the prior end hundreds in log evidence below the optimum where the controllers are
-simulated, and what is left looks like a gap; from an estimate they reach it. But an estimate knows no gap, and a
-recording that has one may fit better from elsewhere.
+From the middle of the prior a fit may end beside the optimum where the controllers are simulated, and what is left
+looks like a gap. But an estimate knows no gap, and a recording that has one may fit better from elsewhere.
 """
 
 from __future__ import annotations
@@ -13,9 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.fitting.failures import FAILURES, reason
-from diagnosis.fitting.fit import Fit, fit
 from diagnosis.fitting.problem import Problem
-from diagnosis.recording import Recording
+from diagnosis.gap.grams import estimated_colours
+from diagnosis.gap.linear import Linearised
+from diagnosis.gap.refit import Refit, base_from, line_at, misfit
+from diagnosis.recording import HOUR, Recording
 from diagnosis.zero_shot import estimate
 from shared.errors import EstimatorError, RecordingError, SimulationError, TimeUp
 from shared.logs import logger
@@ -26,19 +27,27 @@ _log = logger(__name__)
 QUIET = 1.25
 """Mean square of the standardised residual up to which a fit has nothing to gain from another start."""
 PRIOR = "prior"
-ROUNDS = 2
-"""Of the fits of a diagnosis: refits go on from there."""
-RESTLESS = 4
-"""Rounds more of the fits of a diagnosis, while the unknowns still move far: then a fit says nothing yet."""
 
 
 @dataclass(frozen=True)
 class Begun:
-    """The base model's fit, and where it began: ``name``, and unknowns ``start`` (unknowns of the fit,)."""
+    """The base model's ``fit``, where it began (``name``), and the ``line`` by the nuisance that was drawn there."""
 
-    fit: Fit
+    fit: Refit
     name: str
-    start: np.ndarray
+    line: Linearised
+
+    @property
+    def evidence(self) -> float:
+        """Log evidence of the fit, with the noise that it leaves."""
+        return self.fit.evidence_with(estimated_colours(self.fit.grams, self.fit.lin.problem.floor).best)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the fit leaves little more than the sensors' noise."""
+        grams, floor = self.fit.grams, self.fit.lin.problem.floor
+        white = {k: (float(floor[k]), 0.0, HOUR) for k in grams.channels}
+        return bool(2 * misfit(grams, white) < QUIET * grams.observed.sum())
 
 
 @dataclass(frozen=True)
@@ -100,7 +109,8 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     why: dict[str, str] = {}
     for name, start in starts:
         try:
-            found = fit(problem.with_effects(()), [start], rounds=ROUNDS, restless=RESTLESS)
+            line = line_at(problem, start)
+            found = Begun(base_from(line, problem.observed), name, line)
         except FAILURES as error:
             why[name] = reason(error)
             continue
@@ -108,9 +118,9 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
             if best is None:
                 raise
             break
-        if best is None or found.log_evidence > best.fit.log_evidence:
-            best = Begun(found, name, start)
-        if 2 * best.fit.cost < QUIET * len(best.fit.residual):
+        if best is None or found.evidence > best.evidence:
+            best = found
+        if best.quiet:
             break
     if best is None:
         said = "; ".join(f"from {name}: {one}" for name, one in why.items())

@@ -132,7 +132,7 @@ class Decision:
     first. ``named`` are the effects of the answer, ``sets`` one for each effect found; ``or_none``: whether none of
     these is in the set, too. ``possible``: candidates that an answer of none of these does not rule out. ``gap``:
     whether tests find a gap; ``rejected``: whether one is left beside the effects; ``unlike``: whether no effect is
-    named because more is left than is explained.
+    named because the description is hardly that of the room.
     """
 
     verdict: Verdict
@@ -264,8 +264,8 @@ def probabilities(
 def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
     """The answer that evidence gives.
 
-    ``own``: whether the verdicts were worked out on this very system. Where they were not, or where more is left than
-    is explained, the description may lack something: a candidate that is rejected on its own replicates is no answer.
+    ``own``: whether the verdicts were worked out on this very system. Where they were not, or where a room is beyond
+    the description and more is left than is explained, a candidate that is rejected on its own replicates is no answer.
     """
     chance = probabilities(evidence, by.nothing, by.none, by.power)
     held, beside = limit(by.held, evidence), chance.beside

@@ -106,6 +106,6 @@ def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, ho
     assert "drift" in {one.name for one in done.report.effects if one.named}
     fresh = diagnose(system, path, effects=effects[1:], warm_up=WARM_UP)
     again = done.without(["drift"])
-    assert again.report.simulations <= fresh.report.simulations - done.base.simulations  # its fit is known
+    assert again.report.simulations < 0.6 * fresh.report.simulations  # its fit is known
     alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))
     assert "drift" not in {one.name for one in again.report.effects}

@@ -48,7 +48,6 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
         best = a_refit("one", -40.0 + at_best)
         return Rivals(a_refit("", -40.0), (best, a_refit("two", -60.0), a_refit("none", -70.0, 0.01)))
 
-    monkeypatch.setattr(searching, "line_at", lambda *_: "line")
     monkeypatch.setattr(searching, "from_one_start", at_the_start)
     monkeypatch.setattr(searching, "on_the_best_line", at_the_best)
     effects = [SimpleNamespace(name=name) for name in ("one", "two", "three", "none", "far")]
@@ -59,7 +58,8 @@ def test_the_best_has_to_be_strong_evidence_where_the_fit_began_and_where_it_is(
         colours=SimpleNamespace(best={}),
         **{"discrepancy": False, "candidate_found": candidate, "misfits": misfits, "differs": candidate or misfits},
     )
-    found = Search([stage], base=None, plain=SimpleNamespace(size=2, runner=RUNNER))
+    base = SimpleNamespace(lin=SimpleNamespace(problem=SimpleNamespace(runner=RUNNER)))
+    found = Search([stage], base=base, line="line")
     monkeypatch.setattr(Search, "path", "here")
     assert [one.names[0] for one in searching._first_effect(found)] == named
     assert found.confirmed == confirmed
@@ -80,7 +80,7 @@ def test_a_search_goes_on_without_a_candidate_that_fails_and_ends_with_what_it_h
     monkeypatch, error, ends, failed, searched
 ):
     """A failure of nobody's in particular, and the end of the time, end it; the answer says what it lacks."""
-    found = Search([SimpleNamespace(lin=SimpleNamespace(chosen=()))], "base", "plain")
+    found = Search([SimpleNamespace(lin=SimpleNamespace(chosen=()))], "base", "line")
     tries = iter([error, None])
 
     def extended(*_):

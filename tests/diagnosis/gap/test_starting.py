@@ -33,25 +33,27 @@ def asked(problem, run=None):
 def test_the_estimator_beside_the_description_is_asked_first(problem, monkeypatch):
     one = begun(problem, asked(problem))
     assert one.name.endswith("estimator")
-    assert np.abs(one.start[:8]).max() > 0.1
-    assert 2 * one.fit.cost < 1.25 * len(one.fit.residual)  # it explains the recording
+    assert np.abs(one.line.z[:8]).max() > 0.1
+    assert one.quiet  # it explains the recording
     monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
     plain = begun(problem, asked(problem))
-    assert plain.name == "prior" and not plain.start.any()
+    assert plain.name == "prior" and not plain.line.z.any()
 
 
 @pytest.mark.parametrize("better", [0, 1])
 def test_of_two_fits_that_leave_something_the_more_plausible_one_is_kept(problem, monkeypatch, better):
     made = []
 
-    def fitted(_, starts, **__):
-        residual = np.full(100, 2.0)
-        made.append(SimpleNamespace(cost=200.0, residual=residual, log_evidence=float(len(made) == better)))
-        return made[-1]
+    def fitted(line, _):
+        made.append(line)
+        return SimpleNamespace(evidence=float(len(made) - 1 == better))
 
-    monkeypatch.setattr("diagnosis.gap.starting.fit", fitted)
+    monkeypatch.setattr("diagnosis.gap.starting.line_at", lambda _, start: start)
+    monkeypatch.setattr("diagnosis.gap.starting.base_from", fitted)
+    monkeypatch.setattr("diagnosis.gap.starting.Begun.evidence", property(lambda one: one.fit.evidence))
+    monkeypatch.setattr("diagnosis.gap.starting.Begun.quiet", False)
     one = begun(problem, asked(problem))
-    assert len(made) == 2 and one.fit is made[better]
+    assert len(made) == 2 and one.line is made[better]
     assert (one.name == "prior") == (better == 1)
 
 

@@ -24,6 +24,7 @@ from shared.shipped import shipped_systems
 
 QUIET = Evidence(
     **{"replay": False, "counted": True, "converged": True, "gap": False, "searched": True, "rejected": False},
+    **{"strained": False},
     **{"candidates": {"one": -1.0, "two": -2.0}, "beside": {}, "p_values": {}},
     **{"chosen": (), "before": 0.0, "left": 0.0},
 )
@@ -64,8 +65,10 @@ def test_probabilities_are_those_of_a_conditional_logit():
 
 def test_what_leaves_more_than_it_explains_is_no_cause():
     by = BY.model_copy(update={"none": {"one": -1.0}})
-    explains = replace(LOUD, rejected=True, before=100.0, left=45.0)
+    explains = replace(LOUD, strained=True, rejected=True, before=100.0, left=45.0)
     assert (decide(explains, by).verdict, decide(explains, by).unlike) == ("ambiguous", False)
+    # in a room that the description may be of, a candidate may act by a law of its own
+    assert decide(replace(explains, left=58.0, strained=False), by).verdict == "ambiguous"
     done = decide(replace(explains, left=58.0), by)
     assert (done.verdict, done.named, done.unlike) == ("none_of_these", (), True)
     assert done.none / done.probabilities["one"] == pytest.approx(np.exp(0.5 * (58.0 - 42.0)))
@@ -76,7 +79,7 @@ def test_what_leaves_more_than_it_explains_is_no_cause():
 
 def test_where_nothing_was_chosen_no_candidate_is_more_probable_than_none_of_them():
     by = BY.model_copy(update={"none": {"one": -1.0}})
-    done = decide(replace(LOUD, rejected=True, chosen=(), before=60.0, left=60.0), by)
+    done = decide(replace(LOUD, strained=True, rejected=True, chosen=(), before=60.0, left=60.0), by)
     assert (done.verdict, done.unlike) == ("none_of_these", True)
     assert done.none > 0.5 > max(done.probabilities.values())
     whole(done)
