@@ -45,7 +45,6 @@ from diagnosis.effects import Effect, moved_in_time
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.fit import pruned
 from diagnosis.fitting.gaussian import factor
-from diagnosis.fitting.linear import Linearisation
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, estimated_colours, projected
 from diagnosis.gap.linear import Linearised, linearised, widened
@@ -62,33 +61,24 @@ NEAR = 0.5
 
 
 def settled(
-    problem: Problem,
-    z: np.ndarray,
-    around: Linearisation,
-    observed: np.ndarray,
-    size: np.ndarray,
-    colours: dict[int, Colour] | None = None,
-    renewals: int = RENEWALS,
+    first: Linearised, observed: np.ndarray, colours: dict[int, Colour] | None = None, renewals: int = RENEWALS
 ) -> Refit:
     """The optimum of a problem's unknowns with the colour of the noise and all nuisances, linearised where it is.
 
     Parameters
     ----------
-    around
-        A linearisation at ``z``, or near.
+    first
+        Where to begin; its derivatives by unknowns may be those of a point near.
     observed
         Readings that count, shape (outputs, steps).
-    size
-        Standard deviation of one reading's error, shape (outputs,) [unit of each].
     colours
         By channel; estimated at the first renewal if not given.
     """
-    first = linearised(problem, z, around)
-    grams = Grams(first, observed)
+    size, grams = first.problem.floor, Grams(first, observed)
     try:
-        lin = relinearised(grams, colours or estimated_colours(grams, size).best, z, observed)
+        lin = relinearised(grams, colours or estimated_colours(grams, size).best, first.z, observed)
     except FAILURES:  # what is likely on the straight line may be nothing that the model can be run with
-        lin = first
+        lin = linearised(first.problem, first.z, first.around)
     grams = Grams(lin, observed)
     used = colours or estimated_colours(grams, size).best
     value = grams.evidence(used)
@@ -137,7 +127,7 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
         If the simulation fails where the fit to all readings is.
     """
     here = Grams(replace(drawn, by_effect=drawn.by_effect[..., :0], effects=()), observed)
-    moved = refit(here, colours, here.lin.z, ())
+    moved = refit(here, colours, here.lin.z, (), redrawn=False)
     for k in range(RENEWALS):
         way, before = moved.lin.z - here.lin.z, misfit(here, colours)
         if k > 0 and np.all(np.abs(way) < NEAR * moved.sd):
@@ -155,7 +145,7 @@ def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colo
         if found is None:
             break
         here = found
-        moved = refit(here, colours, here.lin.z, ())
+        moved = refit(here, colours, here.lin.z, (), redrawn=False)
     return at_rest(moved, colours)
 
 
@@ -195,7 +185,8 @@ class Refit:
     """Effects fitted with the parameters.
 
     ``lin`` is the linearised problem there, without further candidates, ``grams`` its products; ``evidence`` with
-    the colours of the null; ``sd`` (unknowns,) of the posterior; ``settled``: whether no step promised more.
+    the colours of the null; ``sd`` (unknowns,) of the posterior; ``settled``: whether no step promised more; ``exact``:
+    whether its derivatives were simulated there.
     """
 
     lin: Linearised
@@ -203,6 +194,7 @@ class Refit:
     evidence: float
     sd: np.ndarray
     settled: bool
+    exact: bool
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -282,12 +274,12 @@ def refit(
         else:
             here, exact = _at(problem, here.z, here, derivatives=True), True
     if not exact and redrawn:
-        here = _at(problem, here.z, here, derivatives=True)
+        here, exact = _at(problem, here.z, here, derivatives=True), True
     settled = settled or step_from(here, before, colours)[1] < 20 * SETTLED
     grams = Grams(here, before.observed, before)
     left = grams.without_nuisance(colours)
     covariance = cho_solve((factor(left.information), True), np.eye(grams.n_unknown))
-    found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled)
+    found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, exact)
     return replace(found, evidence=found.evidence_with(colours))
 
 
@@ -299,7 +291,7 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
 
     ``evidence`` and ``sd`` are those of where it began.
     """
-    here, exact, cost = one.lin, True, _cost(one.lin, one.grams, colours)
+    here, exact, cost = one.lin, one.exact, _cost(one.lin, one.grams, colours)
     for _ in range(steps):
         step, promised = step_from(here, one.grams, colours)
         moved = None
@@ -319,7 +311,7 @@ def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Re
             break
         here, exact = _at(here.problem, here.z, here, derivatives=True), True
     grams = one.grams if here is one.lin else Grams(here, one.grams.observed, one.grams)
-    return replace(one, lin=here, grams=grams)
+    return replace(one, lin=here, grams=grams, exact=exact)
 
 
 def rested(one: Refit, colours: dict[int, Colour]) -> Refit:
@@ -490,10 +482,10 @@ def base_from(line: Linearised, observed: np.ndarray) -> Refit:
     TimeUp
         If the time was up before the line had led anywhere.
     """
-    problem, grams = line.problem, Grams(line, observed)
-    led = refit(grams, estimated_colours(grams, problem.floor).best, line.z, (), redrawn=False)
+    grams = Grams(line, observed)
+    led = refit(grams, estimated_colours(grams, line.problem.floor).best, line.z, (), redrawn=False)
     try:
-        return settled(problem, led.lin.z, led.lin.around, observed, problem.floor)
+        return settled(led.lin, observed)
     except (TimeUp, *FAILURES):
         return led
 

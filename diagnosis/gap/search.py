@@ -115,8 +115,7 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     stage, best = found.last, refits[0]
     late = best.lin.problem.runner.lifted() if found.unfinished.why else nullcontext()
     with blamed(best.names), late:
-        lin = best.lin
-        best = settled(lin.problem, lin.z, lin.around, observed, lin.problem.floor, stage.colours.best, renewals=1)
+        best = settled(best.lin, observed, stage.colours.best, renewals=1)
         lin = renewed_among(best, effects, found)
         after = examine(lin, observed, seed=seed + len(found.stages))
     if not first and not (worth_more(stage, after) and told(stage, refits, after, found.settled[-1])):

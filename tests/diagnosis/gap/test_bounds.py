@@ -83,7 +83,7 @@ def test_the_evidence_of_a_refit_is_over_the_amplitudes_that_it_may_have(bounds,
     observed = seen(lin)
     grams = Grams(lin, observed)
     colours = {0: (1.0, 0.5, 5 * HOUR), 1: WHITE}
-    found = Refit(lin, grams, 0.0, np.ones(3), True).evidence_with(colours)
+    found = Refit(lin, grams, 0.0, np.ones(3), True, True).evidence_with(colours)
     # the amplitude by brute force, all others integrated out
     rows, spread = dense(lin, observed, colours, lin.by_nuisance, lin.by_unknown[..., :2])
     along = stacked(observed, lin.by_unknown[..., 2])
@@ -105,7 +105,7 @@ def test_a_second_effect_is_not_credited_with_what_the_first_gains_by_its_bounds
     both.chosen = (*lin.chosen, Nothing("still"))
     both.z = np.append(lin.z, 0.0)
     both.by_unknown = np.concatenate([lin.by_unknown, np.zeros_like(lin.by_unknown[..., :1])], axis=2)
-    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.ones(len(one.z)), True) for one in (lin, both))
+    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.ones(len(one.z)), True, True) for one in (lin, both))
     stage = SimpleNamespace(grams=first.grams, colours=SURE)
     before = evidence_before(SimpleNamespace(last=stage, settled=[first]))
     assert second.evidence_with(SURE.best) == pytest.approx(before, abs=1e-9)
