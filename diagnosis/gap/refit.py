@@ -431,6 +431,13 @@ FINE = np.linspace(-8.0, 8.0, 17)
 """Of an effect that moves an input in time: every step of the readings has a trough of its own."""
 
 
+LEADS = 3
+"""Lines, at most, by which the base model is led from a start."""
+AWAY = 1.0
+"""Root mean square way [posterior standard deviations] from which the next is drawn: a line at the usual nuisance leads
+safely from afar, and ends beside the optimum."""
+
+
 @dataclass(frozen=True)
 class Rivals:
     """Refits on one line by the nuisance.
@@ -482,12 +489,22 @@ def base_from(line: Linearised, observed: np.ndarray) -> Refit:
     TimeUp
         If the time was up before the line had led anywhere.
     """
-    grams = Grams(line, observed)
-    led = refit(grams, estimated_colours(grams, line.problem.floor).best, line.z, (), redrawn=False)
+    led = _led(line, observed)
     try:
+        for _ in range(LEADS - 1):
+            if np.mean(((led.lin.z - line.z) / led.sd) ** 2) < AWAY**2:
+                break
+            line = linearised(line.problem, led.lin.z, line.problem.linearise(led.lin.z))
+            led = _led(line, observed)
         return settled(led.lin, observed)
     except (TimeUp, *FAILURES):
         return led
+
+
+def _led(line: Linearised, observed: np.ndarray) -> Refit:
+    """Where a line leads the base model, with the colours that it sees."""
+    grams = Grams(line, observed)
+    return refit(grams, estimated_colours(grams, line.problem.floor).best, line.z, (), redrawn=False)
 
 
 def from_one_start(
