@@ -1,34 +1,31 @@
-"""Refitting a candidate together with the parameters: nonlinear, because parameters that compensate move far.
+"""Fits of the base model and of candidates, and which of them is the more plausible.
 
-Gauss-Newton on the likelihood with the nuisance integrated out, each step a small bounded least-squares problem
-(scipy's ``lsq_linear``); the response to the nuisance is kept. Derivatives are corrected by what each step shows
-(Broyden 1965, Mathematics of Computation 19:577) and simulated anew where that no longer helps, and at the end.
+**A fit on one line** (:func:`refit`): the simulation is linearised by the nuisance, whose response is kept, and the
+unknowns are found by Gauss-Newton steps on the likelihood with the nuisance integrated out, each a small bounded
+least-squares problem (scipy's ``lsq_linear``). Parameters that compensate move far, so every step is simulated.
+Derivatives are corrected by what a step shows (Broyden 1965, Mathematics of Computation 19:577) and simulated anew
+where that no longer helps.
 
-The simulation linearised where it is most plausible: at a fit's unknowns and at the nuisance that is likely there.
+**A line holds near where it was drawn.** Persons who come within a step, a controller that saturates and air that is
+changed twice an hour bend it, and what the bend leaves behind looks like a gap. So a fit is settled (:func:`settled`):
+the line is drawn anew where unknowns and nuisance have moved to, until the evidence (Laplace's, at that point) no
+longer grows; a move that lowers it is taken back by half. From a start, the base model is first led by lines at the
+usual nuisance (:func:`base_from`): what the readings say of persons at parameters that are far off is fiction.
 
-A straight line by the nuisance holds near where it was drawn. Persons who come within a step, a controller that
-saturates and air that is changed twice an hour bend it, and what the bend leaves behind looks like a gap of the model.
-So the line is drawn anew where unknowns and nuisance have moved to, until the evidence (Laplace's, at that point) no
-longer grows; a move that lowers it is taken back by half.
+**Rivals** begin and are treated alike, because an evidence holds where it was worked out: two models that were fitted
+from different starts differ by where the search ended as well as by what they are. And a line at the base model's fit
+says nothing of a cause that has bent the parameters there: plug loads of twice their usual size look like warm outdoor
+air. So
 
-The base model and all candidates as rivals: each fitted from the same starts, so that their evidences compare.
+1. on one line, drawn where the base model's fit began, each candidate is refitted with the parameters
+   (:func:`from_one_start`). It begins with the amplitude that promises most there, of a grid over its prior: what it
+   does need not grow with its amplitude (a timetable that is moved by two hours meets another hour of the day). That
+   ranks forty candidates for ten simulations each;
+2. the foremost and the base model are refitted on one line that is drawn where the best of them is
+   (:func:`on_the_best_line`); what moves an input in time is simulated there with amplitudes from all over its range.
 
-A straight line drawn at the base model's fit says nothing of a cause that has bent the parameters there: plug loads of
-twice their usual size look like warm outdoor air. And an evidence (Laplace's, at an optimum) holds where it was worked
-out, so that two models that were fitted from different starts differ by where the search ended as well as by what they
-are. So the base model and every candidate begin where the base model's fit did, at the zero-shot estimate or the middle
-of the prior, and are treated alike:
-
-1. on one line by the nuisance, drawn at the start, each is refitted with the parameters (:mod:`.refit`). A candidate
-   begins with the amplitude that promises most there, of a grid over its prior: what it does need not grow with its
-   amplitude (a timetable that is moved by two hours meets another hour of the day). Derivatives are those of the start,
-   corrected by what each step shows: that ranks forty candidates for ten simulations each;
-2. the foremost and the base model are refitted on one line that is drawn where the best of them is; what moves an input
-   in time is simulated there with amplitudes from all over its range.
-
-All share a line to the end. Fitted each to its own rest, nuisance and all, one and the same model differs by tens in
-log evidence between two starts where nobody counted the persons or meters drive the model: by more than most
-candidates differ from each other.
+Fitted each to its own rest, nuisance and all, one and the same model differs by tens in log evidence between two
+starts where nobody counted the persons or meters drive the model: by more than most candidates differ.
 """
 
 from __future__ import annotations
