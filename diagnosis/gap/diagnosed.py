@@ -33,13 +33,12 @@ from shared.system import System
 
 _log = logger(__name__)
 SPANS = {
-    "fitting the base model": (0.0, 0.1),
-    "sensitivities": (0.1, 0.2),
-    "leading": (0.2, 0.3),
-    "looking at all": (0.3, 0.4),
+    "fitting the base model": (0.0, 0.2),
+    "sensitivities": (0.2, 0.25),
+    "looking at all": (0.25, 0.4),
     "refitting": (0.4, 0.7),
-    "finding where": (0.7, 0.8),
-    "scoring": (0.8, 0.99),
+    "finding where": (0.7, 0.75),
+    "scoring": (0.75, 0.99),
     "writing": (0.99, 1.0),
 }
 """Of the stages of a diagnosis; where one is left out there is less of it."""
