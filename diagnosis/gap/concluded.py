@@ -109,8 +109,7 @@ def concluded(
     problem = first.lin.problem
     sources: list[Operator] = []
     unknown: dict[str, str] = {}
-    # with fewer candidates the base model's fit may not have gone on, and lie elsewhere
-    if known is None or not np.array_equal(known.search.stages[0].lin.z, first.lin.z):
+    if known is None:
         heights = first.lin.around.heights
         sources, unknown = attempt(SOURCES, lambda: operators(problem, first.lin.z, heights), (sources, unknown))
     else:

@@ -99,7 +99,7 @@ def alike(found, fresh, where=""):
 
 @pytest.mark.slow
 def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, house_recorded, tmp_path):
-    """The cause is withheld, for whose sake a second optimum of the base model was looked for."""
+    """The cause is withheld."""
     system, path = house("me"), drifting(house_recorded(tmp_path, hours=96, seed=3), by=5.0)
     effects = [one for one in candidates(system) if one.name in ("drift", "gain")]
     done = diagnose(system, path, effects=effects, warm_up=WARM_UP)
