@@ -1,6 +1,6 @@
 """What a verdict's answers and intervals are worth on rows of `diagnosis farm` that it was not calibrated by.
 
-    diagnosis farm MixedAirCO2 --recordings 150 --seed 20261130 --out farm
+    diagnosis farm MixedAirCO2 --recordings 60 --seed 20261208 --out farm
     python tests/benchmarks/fresh_farm.py farm [--verdict fmus/MixedAirCO2/verdict.json]
 
 Shares have 95 % intervals (Wilson). Intervals of parameters are those of rows whose cause, or that there is none, was
