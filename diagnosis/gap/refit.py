@@ -433,6 +433,9 @@ LEADS = 3
 AWAY = 1.0
 """Root mean square way [posterior standard deviations] from which the next is drawn: a line at the usual nuisance leads
 safely from afar, and ends beside the optimum."""
+FAR = 5.0
+"""The same from which a line is no ground to compare models on: where the base model is hundreds in log evidence below
+its optimum, candidates differ by how they get away from there."""
 
 
 @dataclass(frozen=True)
@@ -469,8 +472,10 @@ def line_at(plain: Problem, start: np.ndarray) -> Linearised:
     return linearised(problem, start, around)
 
 
-def base_from(line: Linearised, observed: np.ndarray) -> Refit:
-    """The base model's optimum, led to from a start and settled there.
+def base_from(line: Linearised, observed: np.ndarray) -> tuple[Refit, Linearised]:
+    """The base model's optimum, led to from a start and settled there, and the line on which its rivals begin.
+
+    That is the one at the start, or the first that leads the base model no further than :data:`FAR`.
 
     Where the time is up on the way, or the way cannot be simulated, it is where the line led.
 
@@ -486,16 +491,18 @@ def base_from(line: Linearised, observed: np.ndarray) -> Refit:
     TimeUp
         If the time was up before the line had led anywhere.
     """
-    led = _led(line, observed)
+    led, start = _led(line, observed), line
     try:
         for _ in range(LEADS - 1):
-            if np.mean(((led.lin.z - line.z) / led.sd) ** 2) < AWAY**2:
+            way = float(np.sqrt(np.mean(((led.lin.z - line.z) / led.sd) ** 2)))
+            if way < AWAY:
                 break
             line = linearised(line.problem, led.lin.z, line.problem.linearise(led.lin.z))
+            start = line if way > FAR else start
             led = _led(line, observed)
-        return settled(led.lin, observed)
+        return settled(led.lin, observed), start
     except (TimeUp, *FAILURES):
-        return led
+        return led, start
 
 
 def _led(line: Linearised, observed: np.ndarray) -> Refit:

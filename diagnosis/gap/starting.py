@@ -31,7 +31,7 @@ PRIOR = "prior"
 
 @dataclass(frozen=True)
 class Begun:
-    """The base model's ``fit``, where it began (``name``), and the ``line`` by the nuisance that was drawn there."""
+    """The base model's ``fit``, where it began (``name``), and the ``line`` on which candidates begin."""
 
     fit: Refit
     name: str
@@ -109,8 +109,8 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     why: dict[str, str] = {}
     for name, start in starts:
         try:
-            line = line_at(problem, start)
-            found = Begun(base_from(line, problem.observed), name, line)
+            one, line = base_from(line_at(problem, start), problem.observed)
+            found = Begun(one, name, line)
         except FAILURES as error:
             why[name] = reason(error)
             continue

@@ -6,6 +6,8 @@ import pytest
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
+from diagnosis.gap.grams import Grams
+from diagnosis.gap.refit import refit
 from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
@@ -37,7 +39,12 @@ def test_the_estimator_beside_the_description_is_asked_first(problem, monkeypatc
     assert one.quiet  # it explains the recording
     monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
     plain = begun(problem, asked(problem))
-    assert plain.name == "prior" and not plain.line.z.any()
+    assert plain.name == "prior"
+    # candidates begin where the base model has come near, not where it began: in the middle of the prior
+    led = refit(
+        Grams(plain.line, problem.observed), {k: (sd, 0.0, 1.0) for k, sd in enumerate(problem.floor)}, plain.line.z, ()
+    )
+    assert np.sqrt(np.mean(((led.lin.z - plain.line.z) / led.sd) ** 2)) < 5.0 and plain.line.z.any()
 
 
 @pytest.mark.parametrize("better", [0, 1])
@@ -46,7 +53,7 @@ def test_of_two_fits_that_leave_something_the_more_plausible_one_is_kept(problem
 
     def fitted(line, _):
         made.append(line)
-        return SimpleNamespace(evidence=float(len(made) - 1 == better))
+        return SimpleNamespace(evidence=float(len(made) - 1 == better)), line
 
     monkeypatch.setattr("diagnosis.gap.starting.line_at", lambda _, start: start)
     monkeypatch.setattr("diagnosis.gap.starting.base_from", fitted)
