@@ -21,7 +21,7 @@ from diagnosis.blind.generator import Generator
 from diagnosis.blind.make import uncertain_sha256
 from diagnosis.effects import library
 from diagnosis.farming.calibration import calibrated
-from diagnosis.farming.rows import Rows, generator, read_row, work
+from diagnosis.farming.rows import Row, Rows, generator, read_row, work
 from diagnosis.gap.verdict import FILE_NAME, Verdicts, candidates_sha256, decide
 from diagnosis.recording import DAY, HOUR
 from shared import __version__
@@ -128,6 +128,7 @@ def farm(
     with FolderLock(folder, str(described.path.resolve()), kind=RecordingError):
         about = _begun(folder, described, seed, hours, noise)
         (folder / ROWS).mkdir(exist_ok=True)
+        _rows(folder)  # what cannot be read is refused before hours go into more of them
         left = [index for index in range(recordings) if not _path(folder, index).exists()]
         done, failed = recordings - len(left), {}
         progress(done, recordings)
@@ -142,9 +143,7 @@ def farm(
                         write_atomically(_path(folder, index), json.dumps(made, allow_nan=False).encode())
                     done += 1
                     progress(done, recordings)
-        paths = (folder / ROWS).glob("*.json")
-        rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in paths]
-        found = Rows(about, tuple(sorted(rows, key=lambda one: one.index)))
+        found = Rows(about, _rows(folder))
         try:
             verdicts, lacking = calibrated(found), ""
         except RecordingError as error:
@@ -216,6 +215,13 @@ def _begun(folder: Path, system: System, seed: int | None, hours: float, noise: 
     about["seed"] = secrets.randbelow(2**31) if seed is None else seed
     write_atomically(path, json.dumps(about, indent=1).encode())
     return about
+
+
+def _rows(folder: Path) -> tuple[Row, ...]:
+    """The rows of a folder in the order of their numbers."""
+    paths = (folder / ROWS).glob("*.json")
+    rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in paths]
+    return tuple(sorted(rows, key=lambda one: one.index))
 
 
 def _path(folder: Path, index: int) -> Path:

@@ -257,8 +257,8 @@ def read_row(raw: dict[str, Any]) -> Row:
         return Row(**{**raw, "true": tuple(raw["true"]), "evidence": evidence, "errors": errors})
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(
-            f"row {raw.get('index', '?')} is of another version of `diagnosis farm` ({error}); expected rows of this:"
-            " give another --out"
+            f"row {raw.get('index', '?')} is of another version of `diagnosis farm` ({error}); expected rows"
+            " of this one: give another --out"
         ) from None
 
 

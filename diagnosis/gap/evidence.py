@@ -53,7 +53,7 @@ class Search:
     ``tried``: at the first stage what all candidates were worth where the base model's fit began; none at a later one.
     ``compared``: the foremost where the best of them is, and the base model there, whether or not a gap is there.
     ``confirmed``: whether what the straight line found at first is there in a refit, or in the residual itself.
-    ``line``: the base model linearised where its fit began.
+    ``line``: the base model linearised where candidates begin.
     ``failed``: candidates whose simulation or algebra failed, at whatever step, and why. ``unfinished``: steps of the
     search that are lacking, and why; ``searched``: whether all candidates that stood out were refitted.
     ``dropped``: effects that were chosen and given up, because nothing shows that there is a gap.

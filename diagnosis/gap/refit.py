@@ -17,10 +17,10 @@ from different starts differ by where the search ended as well as by what they a
 says nothing of a cause that has bent the parameters there: plug loads of twice their usual size look like warm outdoor
 air. So
 
-1. on one line, drawn where the base model's fit began, each candidate is refitted with the parameters
-   (:func:`from_one_start`). It begins with the amplitude that promises most there, of a grid over its prior: what it
-   does need not grow with its amplitude (a timetable that is moved by two hours meets another hour of the day). That
-   ranks forty candidates for ten simulations each;
+1. on one line, drawn where the base model's fit began or, where that is far off, where it came near, each candidate is
+   refitted with the parameters (:func:`from_one_start`). It begins with the amplitude that promises most there, of a
+   grid over its prior: what it does need not grow with its amplitude (a timetable that is moved by two hours meets
+   another hour of the day). That ranks forty candidates for ten simulations each;
 2. the foremost and the base model are refitted on one line that is drawn where the best of them is
    (:func:`on_the_best_line`); what moves an input in time is simulated there with amplitudes from all over its range.
 

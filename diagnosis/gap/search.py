@@ -2,7 +2,7 @@
 
 Forward selection with the family's own null at each stage (Bacher and Madsen 2011 select grey-box models by
 likelihood ratios; the null here is that of twins, Johansson 2014, and holds for all candidates together). Whether there
-is a gap at all is asked at the base model's fit; which candidate explains it, of fits from the same starts
+is a gap at all is asked at the base model's fit; which candidate explains it, of fits that begin together
 (:mod:`.refit`).
 """
 

@@ -128,3 +128,14 @@ def test_a_recording_is_made_and_diagnosed(threads, default_system, tmp_path):
     errors, sd = np.array(row.errors).T  # of an estimate that the recording told something of: within its spread
     assert errors.shape == (3,) and (sd < 1.0).all() and (np.abs(errors) < 4 * sd).all()
     assert row.simulations > 100 and {*row.evidence.candidates} == {one.name for one in few.effects}
+
+
+def test_rows_of_another_version_are_refused_before_more_are_made(numbers, tmp_path):
+    farm("MixedAirCO2", tmp_path, recordings=2, seed=7)
+    path = tmp_path / "rows" / "1.json"
+    raw = json.loads(path.read_text())
+    del raw["evidence"]["strained"]
+    path.write_text(json.dumps(raw))
+    with pytest.raises(RecordingError, match=r"row 1 is of another version of `diagnosis farm`.*give another --out"):
+        farm("MixedAirCO2", tmp_path, recordings=4)
+    assert numbers == [0, 1]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.gap.evidence import gap_found, worth
+from diagnosis.gap.evidence import evidence_of, gap_found, worth
 from diagnosis.gap.search import CLEAR, MOST_NAMES, PARSIMONY, told, worth_more
 
 
@@ -92,3 +92,20 @@ def test_a_further_effect_must_leave_clearly_less(left_over, worth_it):
 def test_a_gap_is_told_by_a_candidate_a_misfit_or_a_place(seen, p, confirmed, expected):
     names = ("candidate_found", "misfits", "episodic", "discrepancy")
     assert gap_found(SimpleNamespace(**{name: name == seen for name in names}), p, confirmed) is expected
+
+
+@pytest.mark.parametrize(("at_bound", "strained"), [((), False), (("floor",), False), (("floor", "height"), True)])
+def test_a_fit_is_strained_by_parameters_at_their_ends_and_not_by_constants(at_bound, strained):
+    problem = SimpleNamespace(
+        replay=False, nuisance=SimpleNamespace(levels=()), system=SimpleNamespace(parameter_names=["height"])
+    )
+    scan = SimpleNamespace(evidence=np.array([]), p_value=1.0, misfit_p=1.0)
+    first = SimpleNamespace(
+        lin=SimpleNamespace(problem=problem, effects=(), chosen=()), scan=scan, episode=None, left_over=8.0
+    )
+    search = SimpleNamespace(
+        **{"stages": [first], "last": first, "excluded": {}, "failed": {}, "refits": [], "compared": None},
+        **{"base": SimpleNamespace(at_bound=at_bound, settled=True), "searched": True},
+    )
+    found = evidence_of(search, gap=True, rejected=True, where_p=1.0)
+    assert (found.strained, found.excess) == (strained, 8.0 if strained else 0.0)

@@ -7,10 +7,10 @@ from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.grams import Grams
-from diagnosis.gap.refit import refit
+from diagnosis.gap.refit import FAR, base_from, line_at, refit
 from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.recording import read_recording
-from shared.errors import RecordingError
+from shared.errors import RecordingError, SimulationError, TimeUp
 from shared.system import load_system
 from tests.diagnosis.gap.room_cases import noisy
 
@@ -44,7 +44,7 @@ def test_the_estimator_beside_the_description_is_asked_first(problem, monkeypatc
     led = refit(
         Grams(plain.line, problem.observed), {k: (sd, 0.0, 1.0) for k, sd in enumerate(problem.floor)}, plain.line.z, ()
     )
-    assert np.sqrt(np.mean(((led.lin.z - plain.line.z) / led.sd) ** 2)) < 5.0 and plain.line.z.any()
+    assert np.sqrt(np.mean(((led.lin.z - plain.line.z) / led.sd) ** 2)) < FAR and plain.line.z.any()
 
 
 @pytest.mark.parametrize("better", [0, 1])
@@ -62,6 +62,17 @@ def test_of_two_fits_that_leave_something_the_more_plausible_one_is_kept(problem
     one = begun(problem, asked(problem))
     assert len(made) == 2 and one.line is made[better]
     assert (one.name == "prior") == (better == 1)
+
+
+@pytest.mark.parametrize("error", [TimeUp("no time"), SimulationError("it is stiff")])
+def test_a_fit_that_cannot_be_settled_is_where_the_line_led(problem, monkeypatch, error):
+    def refuse(*_):
+        raise error
+
+    line = line_at(problem, np.zeros(problem.size))
+    monkeypatch.setattr("diagnosis.gap.refit.settled", refuse)
+    found, _ = base_from(line, problem.observed)
+    assert np.abs(found.lin.z - line.z).max() > 0.1 and not found.exact
 
 
 def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem, monkeypatch, caplog):
