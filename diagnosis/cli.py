@@ -378,8 +378,8 @@ def farm(
     """Calibrate what `diagnosis run` says of a system, by recordings whose cause is known.
 
     Makes the recordings, diagnoses each, and writes verdict.json: put it beside the system's description. Two fast
-    cores make about 250 recordings of a week in an hour. The same command goes on from where it stopped. The exit code is
-    3 where recordings failed or are too few.
+    cores make about 250 recordings of a week in an hour. The same command goes on from where it stopped. The exit code
+    is 3 where recordings failed or are too few.
 
     Parameters
     ----------
