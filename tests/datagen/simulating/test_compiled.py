@@ -25,7 +25,8 @@ def test_all_that_compiled_functions_are_made_of_is_looked_at():
 @pytest.fixture
 def compiled(tmp_path, monkeypatch):
     """How often a function was compiled, and not found, by processes that begin with these sources."""
-    monkeypatch.setattr(compilation._settings, "CACHE_DIR", f"{tmp_path}")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", f"{tmp_path}")
+    compilation._settings.reload_config()  # Numba does so itself at the next function, once a variable has changed
 
     def run(sources):
         monkeypatch.setattr(compilation, "built_on", lambda: sources)
@@ -33,7 +34,9 @@ def compiled(tmp_path, monkeypatch):
         assert made(21) == 42
         return sum(made.stats.cache_misses.values())
 
-    return run
+    yield run
+    monkeypatch.undo()
+    compilation._settings.reload_config()
 
 
 def twice(number):
