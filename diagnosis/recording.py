@@ -13,7 +13,7 @@ import xarray as xr
 from datagen.driving.tables import Piecewise
 from shared.errors import RecordingError
 from shared.reading import shown
-from shared.schema import ASSUMED, EPOCH, method_fault, methods_of, of_another
+from shared.schema import ASSUMED, COMPUTED, EPOCH, method_fault, methods_of, of_another
 from shared.stretches import Steps, Stretch, chosen
 from shared.system import System
 from shared.times import read_recorded, recorded_begins, recorded_times, time_zero
@@ -35,8 +35,8 @@ class Recording:
     ``time`` (steps,) ends of the steps [s since time zero of the year]; ``outputs`` (outputs, steps) in the order and
     units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,). ``zero`` is the
     date from which time runs: that of simulated years if the recording names none. ``assumed`` says of inputs that an
-    import filled in altogether what stands in for them. ``data`` is the whole Dataset that it was taken from, where
-    that was in memory and not in the file at ``path``.
+    import filled in altogether what stands in for them; ``computed`` says of those that it worked out of others how.
+    ``data`` is the whole Dataset that it was taken from, where that was in memory and not in the file at ``path``.
     """
 
     path: Path
@@ -46,6 +46,7 @@ class Recording:
     inputs: dict[str, np.ndarray]
     zero: np.datetime64 = ZERO
     assumed: dict[str, str] = field(default_factory=dict)
+    computed: dict[str, str] = field(default_factory=dict)
     data: xr.Dataset | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -194,8 +195,10 @@ def read_recording(
     zero = _zero(time[0] - step, str(data["time"].encoding.get("units", "")))
     time = time - _after_time_zero(zero)
     cut = data.isel(time=part)
-    assumed = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs if _assumed(cut, name)}
-    return Recording(path, step, time, outputs, inputs, zero, assumed, whole)
+    comments = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs}
+    assumed = {name: what for name, what in comments.items() if _flags(cut, name, ASSUMED).all()}
+    computed = {name: what for name, what in comments.items() if _flags(cut, name, COMPUTED).any()}
+    return Recording(path, step, time, outputs, inputs, zero, assumed, computed, whole)
 
 
 def _exact(time: np.ndarray) -> tuple[float, np.ndarray]:
@@ -209,10 +212,12 @@ def _exact(time: np.ndarray) -> tuple[float, np.ndarray]:
     return step, round(float(time[0]), 3) + step * np.arange(len(time))
 
 
-def _assumed(data: xr.Dataset, name: str) -> bool:
-    """Whether the quality flags of an import say that none of a variable was measured."""
+def _flags(data: xr.Dataset, name: str, bit: int) -> np.ndarray:
+    """In which steps an import has set a quality flag of a variable, shape (steps,); in none without flags."""
     flags = data.get(f"{name}_flag")
-    return flags is not None and flags.dtype.kind in "iu" and bool((flags.values & ASSUMED).all())
+    if flags is None or flags.dtype.kind not in "iu":
+        return np.zeros(data.sizes["time"], dtype=bool)
+    return np.asarray((flags.values & bit) > 0)
 
 
 def _zero(begin: float, units: str) -> np.datetime64:

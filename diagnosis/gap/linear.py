@@ -5,7 +5,8 @@ All later steps work on these series; the simulator is asked again only to refit
 What a fit may leave out and a test may not: how wide the nuisances really are.
 
 - Replayed actuators are read by meters, and what the meters get wrong drives the model: each replayed input gets pulses
-  whose prior is what is not known of it once its noise is cleared (:mod:`diagnosis.fitting.inputs`).
+  whose prior is what is not known of it once its noise is cleared (:mod:`diagnosis.fitting.inputs`). So does weather
+  that an import computed: the sun on a facade from that on the horizontal, and the temperature of the sky.
 - When within a step people came and went has heavier tails than the normal prior of
   :mod:`diagnosis.fitting.inputs`, and a quickly ventilated room remembers the end of a step better than its mean:
   the prior is widened, and the second half of a step gets halves of its own, lest a short absence pass for a gap.
@@ -20,15 +21,16 @@ import numpy as np
 
 from diagnosis.effects import Effect, clash, moved_in_time
 from diagnosis.fitting.gaussian import root
-from diagnosis.fitting.inputs import Cleared
+from diagnosis.fitting.inputs import Cleared, Computed, Drive
 from diagnosis.fitting.linear import Linearisation, one_sided, principal, responses
 from diagnosis.fitting.nuisance import FIELDS, SPACING, Nuisance, pulses_between
 from diagnosis.fitting.problem import STEP, Problem
 from diagnosis.fitting.simulations import Outcome
-from diagnosis.recording import DAY, HOUR, Recording
+from diagnosis.recording import DAY, Recording
 from shared.errors import SimulationError
 
-PULSE = 3 * HOUR
+KNOWN = 0.01
+"""Of the largest standard error, below which a value counts as known."""
 FOLLOWED = 3 * DAY
 WITHIN = 2.0
 """By how much the prior of changes within a step is widened."""
@@ -48,13 +50,11 @@ def widened(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisa
 
 
 def metered(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
-    """A problem and its linearisation where what the meters of replayed actuators get wrong is a nuisance, too."""
+    """A problem and its linearisation where what meters and computed weather get wrong is a nuisance, too."""
     driven = problem.drive
-    pulse = max(PULSE, problem.recording.step)
     for place, one in enumerate(problem.system.inputs):
-        if one.name in driven.meters:
-            edges = np.append(np.arange(driven.start, driven.stop - 1.0, pulse), driven.stop)
-            pulses = _meter(edges, place, driven.meters[one.name], problem.recording)
+        if one.name in driven.doubted:
+            pulses = _doubted(place, driven, driven.doubted[one.name], problem.recording)
             problem, around = _joined(problem, around, pulses)
     return problem, around
 
@@ -75,14 +75,16 @@ def late(nuisance: Nuisance, place: int) -> Nuisance:
     )
 
 
-def _meter(edges: np.ndarray, place: int, meter: Cleared, recording: Recording) -> Nuisance:
-    """Means over pulses of what is not known of a meter's readings once they are cleared."""
+def _doubted(place: int, driven: Drive, doubted: Cleared | Computed, recording: Recording) -> Nuisance:
+    """Means over pulses of what is not known of an input's values; none where they are known, as the sun at night."""
+    edges = np.append(np.arange(driven.start, driven.stop - 1.0, max(doubted.pulse, recording.step)), driven.stop)
     count = len(edges) - 1
     within = np.searchsorted(edges, recording.time - 0.5 * recording.step) - 1
     weights = (within == np.arange(count)[:, None]).astype(float)
     weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
-    covariance = meter.covariance(weights)
-    return pulses_between(edges, place, root(covariance + 1e-9 * covariance.max() * np.eye(count)), FOLLOWED)
+    covariance = doubted.covariance(weights)
+    pulses = pulses_between(edges, place, root(covariance + 1e-9 * covariance.max() * np.eye(count)), FOLLOWED)
+    return pulses.only(pulses.sd > KNOWN * pulses.sd.max())
 
 
 def both(old: Nuisance, pulses: Nuisance) -> Nuisance:

@@ -232,6 +232,24 @@ def test_inputs_are_the_recordings(record, default_system):
     np.testing.assert_allclose(table.means(edges)[:, n], record.inputs["nPer"], atol=1e-4)
 
 
+def test_weather_that_an_import_computed_is_doubted(record, default_system):
+    """A sky that sends 20 W/m2 more or less by Stefan and Boltzmann's law, and nothing at night of the sun."""
+    assert drive(default_system, record, warm_up=DAY).doubted == {}
+    worked_out = replace(record, computed=dict.fromkeys(["HFac", "TSky", "TDryBul"], "computed"))
+    driven = drive(default_system, worked_out, warm_up=DAY)
+    assert list(driven.doubted) == ["TSky", "HFac"]  # no import computes an air temperature
+    assert driven.assumed["HFac"] == "computed"
+    sky, sun = record.inputs["TSky"], record.inputs["HFac"]
+    sent = 5.670374e-8 * (sky + driven.doubted["TSky"].sd) ** 4 - 5.670374e-8 * sky**4
+    np.testing.assert_allclose(sent, 20.0, rtol=0.05)
+    dark = sun == 0
+    assert dark.any() and (driven.doubted["HFac"].sd[dark] == 0).all() and (driven.doubted["HFac"].sd[~dark] > 0).all()
+    days = np.kron(np.eye(3), np.full(24, 1 / 24))
+    covariance = driven.doubted["TSky"].covariance(days)
+    assert np.sqrt(np.diag(covariance)) == pytest.approx(days @ driven.doubted["TSky"].sd)
+    assert covariance[0, 1] == pytest.approx(meters.SHARED * np.sqrt(covariance[0, 0] * covariance[1, 1]))
+
+
 @pytest.mark.parametrize(("hours", "days"), [(1, 1), (25, 2)])
 def test_whole_first_days_stand_before_the_recording(record, default_system, hours, days):
     driven = drive(default_system, record, warm_up=hours * HOUR)

@@ -2,6 +2,7 @@
 
 import json
 from datetime import datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.page import LINES, render
 from diagnosis.gap.schema import Report
 from diagnosis.gap.starting import begun
+from diagnosis.measurements.importer import import_recording
 from diagnosis.recording import read_recording
 from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, changed, drifting
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.slow
@@ -118,3 +122,14 @@ def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, ho
     assert again.report.simulations <= fresh.report.simulations - spent[-1]  # its fit is known
     alike(again.report.model_dump(exclude=SPENT), fresh.report.model_dump(exclude=SPENT))
     assert "drift" not in {one.name for one in again.report.effects}
+
+
+@pytest.mark.slow
+def test_weather_that_the_import_computed_is_no_gap(tmp_path):
+    """The README's own room, which has none: its log has the sun on the horizontal, and neither facade nor sky."""
+    example = ROOT / "docs" / "example"
+    import_recording(example / "mapping.toml", example / "measurements.csv", out=tmp_path / "recording.nc")
+    report = diagnose("MixedAirCO2", tmp_path / "recording.nc").report
+    assert report.verdict == "no_gap", report.summary
+    assert report.no_gap > 0.5
+    assert "split by Erbs" in report.assumed["HFac"]

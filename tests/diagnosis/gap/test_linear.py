@@ -1,5 +1,6 @@
 """Linear Gaussian arithmetic against scipy's multivariate normal, and p-values against their definition."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,6 +32,27 @@ def test_what_is_no_output_has_no_meter(tmp_path):
     assert after.drive.replayed
     assert not set(after.drive.replayed) & set(after.system.output_names)
     assert after.nuisance.size == base.problem.nuisance.size
+
+
+def test_computed_sun_may_be_wrong_while_it_shines(default_system, tmp_path):
+    """What the line says of a pulse is what the room does with so much more sun."""
+    system, path = default_system.with_experiment(hours=48.0), tmp_path / "r.nc"
+    simulate(system, hours=48.0, seed=1, index=0, out=path)
+    record = read_recording(path, system)
+    plain = Problem(Simulator(system), replace(record, computed={"HFac": "computed"}), warm_up=24 * HOUR)
+    z = np.zeros(plain.size)
+    problem, around = widened(plain, plain.linearise(z))
+    pulses = problem.nuisance
+    (new,) = np.nonzero((pulses.column == system.input_names.index("HFac")) & pulses.recorded)
+    assert 4 <= len(new) <= 10  # of sixteen parts of two days, those of the day
+    noon = new[np.argmax(pulses.sd[new])]
+    steps = (record.time > pulses.begin[noon]) & (record.time <= pulses.end[noon])
+    more = dict(record.inputs, HFac=record.inputs["HFac"] + np.where(steps, 10.0, 0.0))
+    other = Problem(Simulator(system), replace(record, inputs=more), warm_up=24 * HOUR)
+    heater = system.output_names.index("QHea")
+    saved = (other.simulate(z, plain.nuisance.mean) - plain.simulate(z, plain.nuisance.mean))[heater].sum()
+    assert saved < 0
+    assert 10 * around.response[heater, :, noon].sum() == pytest.approx(saved, rel=0.3)
 
 
 STEPS = 60
