@@ -186,7 +186,8 @@ def calibrate(
     Parameters
     ----------
     starts
-        Number of start points. Those after the first are drawn from the prior.
+        Number of start points at most. Those after the first are drawn from the prior, and tried where a fit leaves
+        more than noise.
     seed
         Seed of the further start points.
     """

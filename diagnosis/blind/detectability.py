@@ -21,10 +21,10 @@ import numpy as np
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects import Effect
 from diagnosis.effects.base import foreseen
+from diagnosis.fitting.grams import Colour, Grams, projected
+from diagnosis.fitting.lines import Linearised, applicable, linearised, metered
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import Colour, Grams, projected
-from diagnosis.gap.linear import Linearised, applicable, linearised, metered
-from diagnosis.gap.refit import SETTLED, misfit, refit
+from diagnosis.fitting.refit import SETTLED, misfit, refit
 from diagnosis.recording import HOUR, read_recording
 from shared.errors import SimulationError
 

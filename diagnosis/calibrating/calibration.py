@@ -15,13 +15,13 @@ from diagnosis.fitting.fit import fit
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import Simulations, side_by_side, simulations
+from diagnosis.fitting.starting import PRIOR
 from diagnosis.pages import whole
 from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
-from shared.numbers import counted
 from shared.places import check_folder
 from shared.stretches import LONGEST, Stretch
 from shared.system import System, load_system
@@ -130,7 +130,7 @@ def calibrate(
     estimate_noise
         Estimate by how much the outputs' errors exceed that, and how slow they are.
     starts
-        Starts in all; further ones are drawn from the prior.
+        Starts at most. Further ones are drawn from the prior, and tried where a fit leaves more than noise.
     warm_up
         The recording's first day is repeated this long before its start [h], at least a step.
     workers, scheduler
@@ -175,12 +175,12 @@ def calibrate(
         )
         if within is None:
             made.stage("fitting")
-        first = problem.unknowns(zero_shot)
-        others = np.random.default_rng(seed).standard_normal((max(starts - 1, 0), problem.size))
+        others = np.random.default_rng(seed).standard_normal((starts - 1, problem.size))
+        begins = [(f"{run}" if run is not None else PRIOR, problem.unknowns(zero_shot))]
+        begins += [("a draw of the prior", one) for one in others]
         with said_by(record.path):
-            found = fit(problem, [first, *others], estimate_noise=estimate_noise)
-        further = f" and {counted(starts - 1, 'draw')} of the prior" if starts > 1 else ""
-        report = summarise(found, zero_shot, f"{run if run is not None else 'prior'}{further}")
+            found = fit(problem, begins, estimate_noise=estimate_noise)
+        report = summarise(found, zero_shot)
         report = report.model_copy(update={"physics": check_physics(described, record)})
         done = Calibrated(report, found)
         if place is not None:

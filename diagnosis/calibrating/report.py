@@ -100,8 +100,6 @@ def _told(report: Calibration) -> list[str]:
         groups["bound" if p.at_bound else pushed if p.identified == "hardly" else p.identified].append(p)
     them = "it" if len(groups["hardly"]) == 1 else "them"
     hardly = f"It hardly identifies {{}}: what is given for {them} is mostly the prior."
-    if not report.converged:  # what still moved is in the interval, so that it looks like a prior that nothing moved
-        hardly = f"It hardly identifies {{}}, and the fit did not settle on {them}: values are not the prior's either."
     well = "The recording identifies {} well."
     if any(is_far(*one) for one in _factors(report).values()):
         well = "Only with such constants does the recording identify {} as closely as their intervals say."
@@ -177,10 +175,7 @@ def _meant(report: Calibration) -> list[str]:
         " that the model does not explain."
     )
     if not report.converged:
-        said.append(
-            "The fit had not converged when it stopped: values are means of its last iterations, and intervals allow"
-            " for their remaining movement. Take its figures with care."
-        )
+        said.append("The fit had not converged when it stopped: another start may give other values (--starts).")
     return said
 
 

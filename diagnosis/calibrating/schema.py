@@ -300,7 +300,7 @@ STILL = 2.0
 """An output that moves by less than this many standard deviations of its sensor's noise does not move."""
 
 
-def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Calibration:
+def summarise(found: Fit, zero_shot: dict[str, float]) -> Calibration:
     """The report of a fit."""
     problem = found.problem
     system = problem.system
@@ -356,7 +356,7 @@ def summarise(found: Fit, zero_shot: dict[str, float], started_from: str) -> Cal
         occupancy=problem.occupancy,
         assumed=problem.drive.assumed,
         replayed=list(problem.drive.replayed),
-        started_from=started_from,
+        started_from=found.started_from,
         parameters=parameters,
         constants=constants,
         correlated=sorted(pairs, key=lambda pair: -abs(pair.correlation)),

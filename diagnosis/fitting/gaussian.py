@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eigh
+from scipy.special import log_ndtr
 
 
 def factor(gram: np.ndarray) -> np.ndarray:
@@ -57,3 +58,12 @@ def _columns(gram: np.ndarray) -> np.ndarray:
     size[size == 0] = 1.0
     values, vectors = eigh(gram / np.outer(size, size))
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size)
+
+
+def mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Log of what a standard normal holds between two bounds, low < high, of one shape; exact far out as well."""
+    # the tail that is asked for is the lower one: there the logarithm loses no digits
+    upper = low > 0
+    low, high = np.where(upper, -high, low), np.where(upper, -low, high)
+    most = log_ndtr(high)
+    return np.asarray(most + np.log(-np.expm1(log_ndtr(low) - most)))

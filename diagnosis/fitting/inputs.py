@@ -14,7 +14,7 @@ Driven by readings as they are, a model answers to their noise as well, which th
 answer smaller, as a slope is too flat where what stands on the axis is noisy (attenuation; Carroll, Ruppert, Stefanski
 and Crainiceanu 2006, Measurement Error in Nonlinear Models, chapter 3): the flow of a ventilation that hardly varies
 seems to be much less than was read. So readings are replaced by their expectation (regression calibration, chapter 4
-there), and what stays unknown of them is a nuisance (:mod:`diagnosis.gap.linear`).
+there), and what stays unknown of them is a nuisance (:mod:`diagnosis.fitting.lines`).
 
 The noise is as large as the description says, a part of it slow. The actuator's own course is taken for an
 Ornstein-Uhlenbeck process around a level, over whose size and memory the expectation is taken as well: where readings

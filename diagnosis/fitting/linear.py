@@ -108,12 +108,6 @@ class Marginal:
         projected = self._vectors.T @ (self.by_unknown.T @ residual)
         return np.asarray(self._vectors @ (projected / (1 + self._values)))
 
-    def inverse(self, rows: np.ndarray) -> np.ndarray:
-        """S^(-1) applied to standardised rows, shape (rows,) or (rows, n)."""
-        inside = self._basis.T @ rows
-        shrink = self._values / (1 + self._values)
-        return np.asarray(rows - self._basis @ (shrink * inside.T).T)
-
 
 @dataclass(frozen=True)
 class Linearisation:

@@ -21,7 +21,7 @@ from diagnosis.effects.base import Effect
 from diagnosis.effects.library import outputs_of
 from diagnosis.fitting.failures import FAILURES, reason
 from diagnosis.fitting.inputs import crowd, drive, nuisance_of
-from diagnosis.fitting.linear import Linearisation, Marginal, lasting, one_sided, responses
+from diagnosis.fitting.linear import Linearisation, Marginal, lasting, responses
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
 from diagnosis.fitting.nuisance import Nuisance
 from diagnosis.fitting.runs import LIMIT, Runs, Unknowns
@@ -234,49 +234,6 @@ class Problem:
             return self.standardised(self.measured - self.simulate(z))
         outputs = self.simulate(z, around.heights) + around.response @ (self.nuisance.mean - around.heights)
         return around.marginal.root(self.standardised(self.measured - outputs))
-
-    def jacobian(
-        self,
-        z: np.ndarray,
-        around: Linearisation | None = None,
-        *,
-        central: bool = False,
-        without: Collection[int] = (),
-    ) -> np.ndarray:
-        """Derivative of :meth:`residuals`, shape (readings, unknowns), by differences of whole simulations.
-
-        A side that cannot be simulated is replaced by the other; a direction without either has no derivative, nor have
-        the places of unknowns in ``without``.
-        """
-        z = np.asarray(z, dtype=float)
-        heights = self.nuisance.mean if around is None else around.heights
-        low, high = self.bounds
-        ends, widths = [], []
-        for k in range(self.size):
-            up, down = z.copy(), z.copy()
-            up[k] = min(z[k] + STEP, high[k])
-            down[k] = max(z[k] - STEP, low[k])
-            if not central:
-                (down if up[k] > z[k] else up)[k] = z[k]
-            if k in without:
-                up[k] = down[k] = z[k]
-            ends += [up, down]
-            widths.append(up[k] - down[k] or 1.0)
-        # z itself is an end of many differences, and simulated once or known already
-        known: dict[bytes, Outcome]
-        known = {} if around is None or not np.array_equal(z, around.z) else {z.tobytes(): around.outputs}
-        wanted = {one.tobytes(): one for one in ends if one.tobytes() not in known}
-        known |= dict(zip(wanted, self.simulate_each([(one, heights) for one in wanted.values()]), strict=True))
-        made = []
-        for k, (a, b) in enumerate(zip(ends[::2], ends[1::2], strict=True)):
-            first, last = known[a.tobytes()], known[b.tobytes()]
-            if isinstance(first, SimulationError) or isinstance(last, SimulationError):
-                one = one_sided(lambda there: self.simulate(there, heights), z, k, (low, high), STEP)
-                made.append(np.zeros_like(self.measured) if one is None else one)
-            else:
-                made.append((first - last) / widths[k])
-        whitened = self.standardised(-np.stack(made, axis=-1)) if made else np.empty((0, 0))
-        return around.marginal.root(whitened) if around is not None else whitened
 
     def linearise(self, z: np.ndarray, nuisance: np.ndarray | None = None) -> Linearisation:
         """Linearise by the nuisance around ``z`` and a nuisance (standard normal; prior mean by default)."""

@@ -30,9 +30,9 @@ from diagnosis.calibrating.calibration import calibrate, taken
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration, check_unseen
 from diagnosis.fitting.failures import FAILURES
-from diagnosis.fitting.fit import most_likely
 from diagnosis.fitting.gaussian import root
 from diagnosis.fitting.inputs import LOST, courses, driving
+from diagnosis.fitting.likely import most_likely
 from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem

@@ -14,13 +14,13 @@ from diagnosis.curves import curves, plot
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import NO_TIME
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.starting import Begun
 from diagnosis.gap.evidence import evidence_of, gap_found
 from diagnosis.gap.places import operators, place
 from diagnosis.gap.reporting import Answered, Began, reported
 from diagnosis.gap.schema import HOW_FAR, Report, ShrinkageOf
 from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.shrinkage import Apart, fitted_apart, left_by, shrinkages
-from diagnosis.gap.starting import Begun
 from diagnosis.gap.verdict import Verdicts, decide
 from diagnosis.where import Operator
 from shared.results import Result

@@ -13,14 +13,14 @@ from diagnosis.calibrating.calibration import opened
 from diagnosis.effects import Effect, library
 from diagnosis.effects.base import foreseen
 from diagnosis.effects.library import check_baselines
+from diagnosis.fitting.lines import applicable
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import side_by_side, simulations
+from diagnosis.fitting.starting import begun, usual_starts, zero_shot
 from diagnosis.gap.concluded import Diagnosis, concluded
-from diagnosis.gap.linear import applicable
 from diagnosis.gap.places import check_places
 from diagnosis.gap.reporting import Began
 from diagnosis.gap.shrinkage import kept_for_scoring
-from diagnosis.gap.starting import begun, zero_shot
 from diagnosis.gap.verdict import verdicts_of
 from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
@@ -134,7 +134,7 @@ def diagnose(
         check_places(record, whole.observed)
         scored = kept_for_scoring(record) | (not how_far)
         made.stage("fitting the base model")
-        origin = begun(whole, estimated)
+        origin = begun(whole, usual_starts(whole, estimated))
         done = concluded(whole, origin, candidates, scored, seed, began, by)
         done = replace(done, report=done.report.model_copy(update={"physics": physics}))
         if place is not None:

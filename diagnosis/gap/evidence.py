@@ -9,8 +9,9 @@ import numpy as np
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import Unfinished
-from diagnosis.gap.linear import Linearised
-from diagnosis.gap.refit import Refit, Rivals
+from diagnosis.fitting.lines import Linearised
+from diagnosis.fitting.refit import Refit
+from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.stages import LEVEL, Stage
 
 Names = tuple[str, ...]

@@ -16,9 +16,9 @@ import numpy as np
 
 from diagnosis.effects import Nothing
 from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.lines import felt
 from diagnosis.fitting.nuisance import pulses_between
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.linear import felt
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import SHOWN
 from diagnosis.pages import input_labels, long_named

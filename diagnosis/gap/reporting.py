@@ -10,10 +10,12 @@ import numpy as np
 from diagnosis.effects import Effect
 from diagnosis.fitting.fit import doubted_sd
 from diagnosis.fitting.problem import Problem
+from diagnosis.fitting.refit import Refit
+from diagnosis.fitting.starting import Begun
 from diagnosis.gap.evidence import Evidence, Search
 from diagnosis.gap.limits import detectability, ends_left_out, limits, noiseless, strained
 from diagnosis.gap.places import stretch
-from diagnosis.gap.refit import Refit, Rivals
+from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.schema import (
     CalibratedBy,
     HypothesisOf,
@@ -29,7 +31,6 @@ from diagnosis.gap.schema import (
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Apart
 from diagnosis.gap.stages import Stage
-from diagnosis.gap.starting import Begun
 from diagnosis.gap.twins import TWINS
 from diagnosis.gap.verdict import Decision, Verdicts
 from diagnosis.recording import HOUR

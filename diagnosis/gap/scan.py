@@ -10,8 +10,8 @@ is not to hide one. What is tested is whether an amplitude is more than negligib
 The stretch of one channel that reads off the most: a gap of whatever cause that is there now and then.
 
 Somebody turns the set point up for an afternoon, a door stands open on one day. In the square of all readings that is
-lost, a slow discrepancy (:mod:`diagnosis.gap.grams`) is too smooth for it, and no cell of hours has it alone; but an
-offset over the right stretch stands out. For each stretch of a few lengths, parameters and nuisance refitted on the
+lost, a slow discrepancy (:mod:`diagnosis.fitting.grams`) is too smooth for it, and no cell of hours has it alone; but
+an offset over the right stretch stands out. For each stretch of a few lengths, parameters and nuisance refitted on the
 straight line, there is a log-likelihood ratio (the score test, as in :mod:`diagnosis.gap.scan`). The largest is judged
 by the largest in twins; and what an episode gains at all is the mean of Bayes factors over all stretches and over
 sizes, each as plausible as any other before (Kass and Raftery 1995, section 3.2).
@@ -24,11 +24,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import logsumexp
 
 from diagnosis.effects import Effect
+from diagnosis.fitting.gaussian import mass
+from diagnosis.fitting.grams import SIZES, Colour, Colours, Grams, Projected
 from diagnosis.fitting.noise import HOUR
-from diagnosis.gap.grams import SIZES, Colour, Colours, Grams, Projected
 from diagnosis.gap.twins import Twins
 from diagnosis.where.series import rank_p
 
@@ -301,15 +302,6 @@ def ratios(left: Projected, score: np.ndarray, low: np.ndarray, high: np.ndarray
     size = np.maximum(np.diag(left.information), 1e-12)[:, None]
     amplitude = np.clip(score / size, low[:, None], high[:, None])
     return amplitude, amplitude * score - 0.5 * amplitude**2 * size
-
-
-def mass(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Log of what a standard normal holds between two bounds, low < high, of one shape; exact far out as well."""
-    # the tail that is asked for is the lower one: there the logarithm loses no digits
-    upper = low > 0
-    low, high = np.where(upper, -high, low), np.where(upper, -low, high)
-    most = log_ndtr(high)
-    return np.asarray(most + np.log(-np.expm1(log_ndtr(low) - most)))
 
 
 def _factors(left: Projected, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -23,21 +23,13 @@ from diagnosis.fitting.failures import (
     reason,
     said_by,
 )
+from diagnosis.fitting.lines import Linearised, applicable, fewer, linearised
+from diagnosis.fitting.refit import Refit, linear_start, refit, rested, settled
+from diagnosis.fitting.starting import Begun
 from diagnosis.gap.evidence import Made, Ranked, Search, evidence_before, worth
-from diagnosis.gap.linear import Linearised, applicable, fewer, linearised
-from diagnosis.gap.refit import (
-    Refit,
-    Rivals,
-    from_one_start,
-    linear_start,
-    on_the_best_line,
-    refit,
-    rested,
-    settled,
-)
+from diagnosis.gap.rivals import Rivals, from_one_start, on_the_best_line
 from diagnosis.gap.scan import NEGLIGIBLE
 from diagnosis.gap.stages import CLEAR, STRONG, Stage, examine
-from diagnosis.gap.starting import Begun
 from shared.errors import TimeUp
 from shared.logs import logger
 from shared.numbers import counted

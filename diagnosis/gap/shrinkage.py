@@ -29,10 +29,10 @@ from scipy.optimize import lsq_linear
 
 from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.gaussian import factor
+from diagnosis.fitting.grams import AMPLITUDE, Colour, Colours, Grams
+from diagnosis.fitting.lines import Linearised
+from diagnosis.fitting.refit import WORTH, Refit, fitted_anew, misfit, relinearised
 from diagnosis.gap.evidence import Search
-from diagnosis.gap.grams import AMPLITUDE, Colour, Colours, Grams
-from diagnosis.gap.linear import Linearised
-from diagnosis.gap.refit import WORTH, Refit, fitted_anew, misfit, relinearised
 from diagnosis.gap.schema import FEWEST, ShrinkageOf
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import draw_errors

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.gap.grams import Colour, Colours, Grams, discrepancy, estimated_colours
-from diagnosis.gap.linear import Linearised
+from diagnosis.fitting.grams import Colour, Colours, Grams, discrepancy, estimated_colours
+from diagnosis.fitting.lines import Linearised
 from diagnosis.gap.scan import LEVEL as LEVEL
 from diagnosis.gap.scan import Episode, Scan, largest_episode, scan
 from diagnosis.gap.twins import Twins, draw_twins

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 
 from diagnosis.fitting.gaussian import triangle
-from diagnosis.gap.grams import Colours, Grams, Product, Projected, projected
+from diagnosis.fitting.grams import Colours, Grams, Product, Projected, projected
 
 TWINS = 400
 SHOWN = 200

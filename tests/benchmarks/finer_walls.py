@@ -20,6 +20,7 @@ import numpy as np
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
+from diagnosis.fitting.lines import linearised
 from diagnosis.fitting.problem import Problem
 from diagnosis.recording import read_recording
 from shared.system import System, load_system
@@ -38,9 +39,8 @@ def moved(system: System, path: Path, values: dict[str, float], *, replay: bool,
     z = problem.unknowns(values)
     around = problem.linearise(z)
     gap = problem.standardised(truth.simulate(truth.unknowns(values)) - problem.simulate(z))
-    columns = np.hstack(
-        [-problem.jacobian(z, central=True), problem.standardised(around.response @ problem.nuisance.factor)]
-    )
+    by_nuisance = around.response @ problem.nuisance.factor
+    columns = np.hstack([problem.standardised(one) for one in (linearised(problem, z, around).by_unknown, by_nuisance)])
     covariance = np.linalg.inv(np.eye(columns.shape[1]) + columns.T @ columns)
     x = covariance @ (columns.T @ gap)
     count = len(system.parameters)

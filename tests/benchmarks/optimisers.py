@@ -83,7 +83,7 @@ def local(trace: Trace, start: np.ndarray) -> None:
 
     problem.residuals = watched  # type: ignore[method-assign]
     with suppress(SimulationError):
-        fit(problem, [start])
+        fit(problem, [("start", start)])
     problem.residuals = plain  # type: ignore[method-assign]
     trace.spent = time.process_time() - trace.began
 

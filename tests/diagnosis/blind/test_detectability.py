@@ -7,9 +7,9 @@ from datagen import simulate
 from datagen.driving.sampling import sample_parameters
 from datagen.simulating.simulator import Simulator
 from diagnosis.blind.detectability import INSIDE, _colour, detectability, fitted_square
+from diagnosis.fitting.lines import linearised, metered
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.linear import linearised, metered
-from diagnosis.gap.refit import SETTLED
+from diagnosis.fitting.refit import SETTLED
 from diagnosis.recording import HOUR, read_recording
 
 HOURS, SLOW = 72.0, {"slow_share": 0.3, "hours": 5.0}

@@ -26,8 +26,7 @@ def test_what_lies_at_an_end_of_its_range_is_not_said_to_be_the_prior(calibrated
     wider = sentences(report.model_copy(update={"wider": "Room", "recording": "week.nc"}))
     assert [one for one in wider if one not in said] == ["Room has wider ranges: diagnosis calibrate Room week.nc"]
     said = sentences(report.model_copy(update={"converged": False}))
-    hardly = f"It hardly identifies {others}, and the fit did not settle on them: values are not the prior's either."
-    assert hardly in said
+    assert any(one.startswith("The fit had not converged") for one in said)
 
 
 def test_uncertain_constants_far_outside_of_the_description_come_first(calibrated):

@@ -4,22 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from datagen import simulate
 from datagen.driving.occupancy import sample_occupancy
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
-from diagnosis.fitting.fit import (
-    FAR,
-    LAST,
-    SWINGING,
-    between,
-    determinant,
-    fit,
-    joint_cost,
-    leapt,
-    swung,
-    unknowns_of,
-)
+from diagnosis.fitting.fit import fit
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import HOUR, read_recording
@@ -40,115 +28,6 @@ def problem_of(house, house_recording):
         return Problem(Simulator(system or house(kind)), record, **options)
 
     return made
-
-
-def check_slope(problem, z, around):
-    """The slope of the determinant is that of its differences."""
-    found = determinant(problem, around)
-    for k, name in enumerate(problem.names):
-        width = 0.1 * np.eye(problem.size)[k]
-        up, down = (problem.linearise(z + sign * width).marginal.logdet for sign in (1, -1))
-        assert found.slope[k] == pytest.approx((up - down) / 0.4, rel=0.15, abs=0.3), name
-    return found
-
-
-def test_slope_is_the_difference_of_determinants(problem_of):
-    problem = problem_of(48, count=False, occupancy="unknown")
-    problem = problem.with_nuisance(problem.nuisance.only(~problem.nuisance.turns))
-    z = problem.unknowns(TRUTH)
-    around = problem.linearise(z)
-    found = check_slope(problem, z, around)
-    assert np.abs(found.slope).max() > 5
-    # the level multiplies every answer: B / dz = sd B, and all products are known
-    level = problem.nuisance.levels[0]
-    by = around.marginal.by_unknown
-    product = level.sd * by.T @ np.linalg.solve(np.eye(len(by)) + by @ by.T, by)
-    assert found.slope[-1] == pytest.approx(np.trace(product), rel=0.15)
-    assert (found.root.T @ found.root)[-1, -1] == pytest.approx(np.sum(product**2), rel=0.3)
-
-
-@pytest.mark.parametrize("every", [1, 3])
-def test_persons_that_were_counted_count_too(problem_of, every):
-    """What is not known of when they came within the hour can be imitated better by some unknowns than by others.
-
-    With more unknowns of the nuisance than readings, and with fewer.
-    """
-    problem = problem_of(48)
-    problem = problem.with_nuisance(problem.nuisance.only(np.arange(problem.nuisance.size) % every == 0))
-    z = np.zeros(problem.size)
-    around = problem.linearise(z)
-    rows, unknowns = around.marginal.by_unknown.shape
-    assert (rows < unknowns) == (every == 1)
-    assert np.abs(check_slope(problem, z, around).slope).max() > 5 / every
-
-
-def _rounds(optimum, count: int) -> list[np.ndarray]:
-    """Optima of rounds, each found with lines drawn where the one before it says."""
-    z, path = np.array([1.0, -0.3]), []
-    for round_ in range(count):
-        z = optimum(between(path, z, round_))
-        path.append(z)
-    return path
-
-
-def test_a_swing_is_damped_to_its_fixed_point():
-    """Undamped, z -> -0.99 z needs hundreds of rounds."""
-    path = _rounds(lambda z: -0.99 * z, 30)
-    assert np.abs(path[SWINGING - 1]).max() > 0.9
-    assert np.abs(path[-1]).max() < 0.01
-
-
-def test_what_jumps_for_ever_is_not_known_better_than_the_jump():
-    """No fixed point: from either side the optimum lies on the other one."""
-    path = _rounds(lambda z: np.array([-1.0 if z[0] > 0 else 1.0, 0.5]), 16)
-    assert {one[0] for one in path[-LAST:]} == {-1.0, 1.0}
-    z = between(path, path[-1], 16)
-    covariance = swung(path, z, 16)
-    sd = np.sqrt(covariance[0, 0])
-    assert abs(z[0]) + 1.645 * sd > 1.0 and covariance[1, 1] == pytest.approx(0.0)
-    np.testing.assert_allclose(covariance, np.cov(np.array(path[-LAST:]).T, bias=True), atol=1e-12)
-
-
-DAYS = 3
-NOON = 36 * HOUR
-"""After the recording's start: in the middle of its second day."""
-
-
-@pytest.fixture(scope="module")
-def room(default_system, tmp_path_factory):
-    """A room that holds its CO2 at the set point as soon as a few persons are in it; nobody counted them."""
-    path = tmp_path_factory.mktemp("leaps") / "room.nc"
-    simulate(default_system, parameters={}, hours=24.0 * DAYS, seed=3, out=path)
-    system = default_system.with_experiment(step=HOUR, hours=24.0 * DAYS)
-    return Problem(Simulator(system), read_recording(path, system), occupancy="unknown")
-
-
-def crowded(problem, out):
-    """A full house on every day but for an hour at noon of the second, when ``out`` of them are out."""
-    nuisance = problem.nuisance
-    present = nuisance.recorded & (nuisance.mean > 0.5 * nuisance.mean.max())
-    heights = np.where(present, nuisance.mean + nuisance.sd, np.maximum(nuisance.mean, 0.0))
-    noon = (nuisance.begin >= problem.drive.start + NOON - 1) & (nuisance.end <= problem.drive.start + NOON + HOUR + 1)
-    return np.where(noon, (1 - out) * heights, heights)
-
-
-def test_an_absence_behind_a_saturated_controller_is_found(room):
-    z = np.zeros(room.size)
-    full = unknowns_of(room.nuisance, crowded(room, 0.0))
-    truth = unknowns_of(room.nuisance, crowded(room, 1.0))
-    other = room.with_measured(room.simulate(z, room.nuisance.heights(truth)))
-    outputs = other.simulate(z, other.nuisance.heights(full))
-    stuck = joint_cost(other, full, outputs)
-    assert stuck - full @ full > FAR**2  # it shows
-    found = leapt(other, z, full, outputs)
-    cost = joint_cost(other, found, other.simulate(z, other.nuisance.heights(found)))
-    assert cost < 0.5 * stuck
-    noon = np.abs(crowded(room, 0.0) - crowded(room, 1.0)) > 0
-    heights = other.nuisance.heights(found)
-    assert heights[noon].mean() < 0.4 * crowded(room, 0.0)[noon].mean()
-    # elsewhere they stay
-    far = other.nuisance.recorded & (np.abs(other.nuisance.begin - room.drive.start - NOON) > 12 * HOUR)
-    np.testing.assert_allclose(heights[far], other.nuisance.heights(full)[far], atol=0.5)
 
 
 @pytest.mark.parametrize(("kind", "hours", "least"), [("me", 240, 0.2), ("cs", 72, 0.05)])
@@ -284,9 +163,10 @@ def test_a_start_that_cannot_be_simulated_is_left_for_another(problem_of, monkey
         ]
 
     monkeypatch.setattr(Problem, "simulate_each", failing)
-    starts = [problem.unknowns(TRUTH)]
-    starts.insert(first, bad)
+    starts = [("truth", problem.unknowns(TRUTH))]
+    starts.insert(first, ("bad", bad))
     found = fit(problem, starts)
+    assert found.started_from == "truth"
     assert np.abs((found.z - found.problem.unknowns(TRUTH)) / found.sd).max() < 3.5
     with pytest.raises(SimulationError):
-        fit(problem, [bad, bad])
+        fit(problem, [("bad", bad)] * 2)

@@ -22,7 +22,6 @@ def test_marginal_is_dense_algebra():
     root = marginal.root(np.eye(30))
     np.testing.assert_allclose(root @ root.T, np.linalg.inv(covariance), atol=1e-10)
     np.testing.assert_allclose(marginal.root(residual), root @ residual, atol=1e-10)
-    np.testing.assert_allclose(marginal.inverse(residual), np.linalg.solve(covariance, residual), atol=1e-10)
     assert marginal.logdet == pytest.approx(np.linalg.slogdet(covariance)[1])
     posterior = np.linalg.inv(np.eye(8) + by.T @ by)
     np.testing.assert_allclose(marginal.unknowns(residual), posterior @ by.T @ residual, atol=1e-9)

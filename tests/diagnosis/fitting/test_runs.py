@@ -11,6 +11,7 @@ from datagen.simulating.simulator import Simulator
 from diagnosis.blind.truth import default_truth, load_truth
 from diagnosis.effects import library
 from diagnosis.effects.base import Nothing
+from diagnosis.fitting.lines import linearised
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.runs import Unknowns
 from diagnosis.recording import read_recording
@@ -69,7 +70,7 @@ def test_finer_walls_do_not_bend_the_parameters(room, simulator, tmp_path):
         problem = Problem(simulator, record, occupancy="measured", known=known)
         z = problem.unknowns(values)
         gap = problem.with_measured(np.where(problem.observed, finer, np.nan))
-        left, jacobian = gap.residuals(z), -gap.jacobian(z, central=True)
+        left, jacobian = gap.residuals(z), gap.standardised(linearised(gap, z, gap.linearise(z)).by_unknown)
         information = np.eye(problem.size) + jacobian.T @ jacobian
         moved = np.linalg.solve(information, jacobian.T @ left)  # of the parameters, in prior standard deviations
         off[uncertain] = (moved / np.sqrt(np.diag(np.linalg.inv(information))))[: len(room.parameters)]

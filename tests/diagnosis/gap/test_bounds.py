@@ -10,14 +10,14 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 from diagnosis.effects.base import Nothing
+from diagnosis.fitting.grams import AMPLITUDE, Grams
+from diagnosis.fitting.refit import Refit
 from diagnosis.gap.evidence import evidence_before
-from diagnosis.gap.grams import AMPLITUDE, Grams
 from diagnosis.gap.limits import smallest
-from diagnosis.gap.refit import Refit
 from diagnosis.gap.scan import LEVEL, PRIORS, mass, scan
 from diagnosis.gap.stages import PLAIN
 from diagnosis.gap.twins import draw_twins
-from tests.diagnosis.gap.test_linear import HOUR, SURE, WHITE, dense, problem_of, seen, stacked
+from tests.diagnosis.fitting.test_lines import HOUR, SURE, WHITE, dense, problem_of, seen, stacked
 
 BOUNDS = [(0.0, np.inf), (-np.inf, np.inf), (-0.3, 0.3), (-3.0, 0.2)]
 
@@ -83,7 +83,7 @@ def test_the_evidence_of_a_refit_is_over_the_amplitudes_that_it_may_have(bounds,
     observed = seen(lin)
     grams = Grams(lin, observed)
     colours = {0: (1.0, 0.5, 5 * HOUR), 1: WHITE}
-    found = Refit(lin, grams, 0.0, np.ones(3), True, True).evidence_with(colours)
+    found = Refit(lin, grams, 0.0, np.eye(3), True, True).evidence_with(colours)
     # the amplitude by brute force, all others integrated out
     rows, spread = dense(lin, observed, colours, lin.by_nuisance, lin.by_unknown[..., :2])
     along = stacked(observed, lin.by_unknown[..., 2])
@@ -105,7 +105,7 @@ def test_a_second_effect_is_not_credited_with_what_the_first_gains_by_its_bounds
     both.chosen = (*lin.chosen, Nothing("still"))
     both.z = np.append(lin.z, 0.0)
     both.by_unknown = np.concatenate([lin.by_unknown, np.zeros_like(lin.by_unknown[..., :1])], axis=2)
-    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.ones(len(one.z)), True, True) for one in (lin, both))
+    first, second = (Refit(one, Grams(one, seen(lin)), 0.0, np.eye(len(one.z)), True, True) for one in (lin, both))
     stage = SimpleNamespace(grams=first.grams, colours=SURE)
     before = evidence_before(SimpleNamespace(last=stage, settled=[first]))
     assert second.evidence_with(SURE.best) == pytest.approx(before, abs=1e-9)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagnosis.fitting.starting import begun
 from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.page import LINES, render
 from diagnosis.gap.schema import Report
-from diagnosis.gap.starting import begun
 from diagnosis.measurements.importer import import_recording
 from diagnosis.recording import read_recording
 from tests.diagnosis.conftest import WARM_UP
@@ -107,8 +107,8 @@ def test_without_a_candidate_is_what_a_fresh_diagnosis_without_it_says(house, ho
     """The cause is withheld."""
     spent = []
 
-    def noted(problem, estimated):
-        one = begun(problem, estimated)
+    def noted(problem, starts):
+        one = begun(problem, starts)
         spent.append(problem.simulations)
         return one
 

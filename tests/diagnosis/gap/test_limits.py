@@ -10,10 +10,10 @@ from jsonschema import validate
 from datagen import simulate
 from diagnosis.cli import app
 from diagnosis.fitting.failures import NO_TIME
+from diagnosis.fitting.lines import applicable
 from diagnosis.fitting.problem import Problem
 from diagnosis.gap.diagnosed import diagnose
 from diagnosis.gap.limits import ends_left_out, limits, noiseless, strained
-from diagnosis.gap.linear import applicable
 from diagnosis.gap.schema import Report
 from diagnosis.gap.sentences import summary
 from tests.diagnosis.conftest import WARM_UP

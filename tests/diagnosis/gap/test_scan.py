@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from diagnosis.fitting.grams import Colours, Grams
 from diagnosis.gap import stages
-from diagnosis.gap.grams import Colours, Grams
 from diagnosis.gap.places import stretch
 from diagnosis.gap.scan import Episode, largest_episode
 from diagnosis.gap.twins import draw_twins
-from tests.diagnosis.gap.test_linear import HOUR, STEPS, dense, drawn, problem_of, seen, stacked
+from tests.diagnosis.fitting.test_lines import HOUR, STEPS, dense, drawn, problem_of, seen, stacked
 
 COLOURS = {0: (1.0, 0.5, 5 * HOUR), 1: (2.0, 0.0, HOUR)}
 SURE = Colours(COLOURS, {k: [(one, 1.0)] for k, one in COLOURS.items()}, 0.0)

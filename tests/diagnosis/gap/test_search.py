@@ -9,7 +9,7 @@ from numpy.linalg import LinAlgError
 from diagnosis.fitting.failures import CandidateError
 from diagnosis.gap import search as searching
 from diagnosis.gap.evidence import Search
-from diagnosis.gap.refit import Rivals
+from diagnosis.gap.rivals import Rivals
 from diagnosis.gap.search import search
 from shared.errors import TimeUp
 

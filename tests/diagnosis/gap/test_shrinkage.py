@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from diagnosis.fitting.grams import Grams
+from diagnosis.fitting.refit import at_rest, refit
 from diagnosis.gap import shrinkage
 from diagnosis.gap.evidence import Made
-from diagnosis.gap.grams import Grams
 from diagnosis.gap.page import render
-from diagnosis.gap.refit import at_rest, refit
 from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import _bootstrap, fitted_apart, shrinkages
 from diagnosis.recording import HOUR

@@ -299,7 +299,8 @@ def felt_nuisance(problem: Problem, around: Linearisation) -> tuple[np.ndarray, 
     """
     used = problem.observed.any(axis=1)
     response = problem.nuisance.by_unknown(around.response, used)
-    rows = (response[used] / problem.floor[used, None, None]).reshape(-1, response.shape[2])
+    rows = response[used] / problem.floor[used, None, None]
+    rows = rows.reshape(rows.shape[0] * rows.shape[1], rows.shape[2])  # also where there is no nuisance
     _, turn, _ = principal(rows, UNFELT**2)
     felt = np.zeros((*response.shape[:-1], turn.shape[1]))
     felt[used] = response[used] @ turn
@@ -319,7 +320,7 @@ def fewer(lin: Linearised, effects: Sequence[Effect], excluded: Collection[str] 
     """A linearisation with some of its candidates, in the order of ``effects``.
 
     Every candidate's derivative is that of simulations with this candidate alone, so that the result is what
-    :func:`diagnosis.gap.linear.linearised` would have made of fewer.
+    :func:`diagnosis.fitting.lines.linearised` would have made of fewer.
 
     Parameters
     ----------

@@ -30,8 +30,8 @@ import numpy as np
 from scipy.linalg import cho_solve
 
 from diagnosis.fitting.gaussian import factor, no_less_than_nothing
+from diagnosis.fitting.lines import Linearised
 from diagnosis.fitting.noise import HOUR, NoiseModel
-from diagnosis.gap.linear import Linearised
 
 AMPLITUDE = 2.0
 """Prior standard deviation of a fitted amplitude [scale of the effect]: larger ones than expected are no surprise."""

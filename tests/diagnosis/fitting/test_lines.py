@@ -11,10 +11,9 @@ from scipy.stats import multivariate_normal
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Nothing
-from diagnosis.fitting.fit import fit
+from diagnosis.fitting.grams import AMPLITUDE, FLOORS, Colours, Grams, discrepancy, estimated_colours, projected
+from diagnosis.fitting.lines import widened
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import AMPLITUDE, FLOORS, Colours, Grams, discrepancy, estimated_colours, projected
-from diagnosis.gap.linear import widened
 from diagnosis.gap.scan import ratios, scan
 from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.gap.stages import STRONG
@@ -27,11 +26,11 @@ def test_what_is_no_output_has_no_meter(tmp_path):
     """The office's heater is not logged and its valve is no output: nobody said how well either is known."""
     system, path = load_system("fmus/MixedAirCO2/office.toml").with_experiment(hours=30.0), tmp_path / "r.nc"
     simulate(system, hours=30.0, seed=1, index=0, out=path)
-    base = fit(Problem(Simulator(system), read_recording(path, system), replay=True, warm_up=24 * HOUR), rounds=1)
-    after = widened(base.problem, base.around)[0]
+    base = Problem(Simulator(system), read_recording(path, system), replay=True, warm_up=24 * HOUR)
+    after = widened(base, base.linearise(np.zeros(base.size)))[0]
     assert after.drive.replayed
     assert not set(after.drive.replayed) & set(after.system.output_names)
-    assert after.nuisance.size == base.problem.nuisance.size
+    assert after.nuisance.size == base.nuisance.size
 
 
 def test_computed_sun_may_be_wrong_while_it_shines(default_system, tmp_path):

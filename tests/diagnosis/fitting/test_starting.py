@@ -5,10 +5,10 @@ import pytest
 
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
+from diagnosis.fitting.grams import Grams
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import Grams
-from diagnosis.gap.refit import FAR, base_from, line_at, refit
-from diagnosis.gap.starting import begun, zero_shot
+from diagnosis.fitting.refit import FAR, base_from, line_at, refit
+from diagnosis.fitting.starting import begun, usual_starts, zero_shot
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError, SimulationError, TimeUp
 from shared.system import load_system
@@ -33,12 +33,12 @@ def asked(problem, run=None):
 
 
 def test_the_estimator_beside_the_description_is_asked_first(problem, monkeypatch):
-    one = begun(problem, asked(problem))
+    one = begun(problem, usual_starts(problem, asked(problem)))
     assert one.name.endswith("estimator")
     assert np.abs(one.line.z[:8]).max() > 0.1
     assert one.quiet  # it explains the recording
-    monkeypatch.setattr("diagnosis.gap.starting.estimator_beside", lambda _: None)
-    plain = begun(problem, asked(problem))
+    monkeypatch.setattr("diagnosis.fitting.starting.estimator_beside", lambda _: None)
+    plain = begun(problem, usual_starts(problem, asked(problem)))
     assert plain.name == "prior"
     # candidates begin where the base model has come near, not where it began: in the middle of the prior
     led = refit(
@@ -55,11 +55,11 @@ def test_of_two_fits_that_leave_something_the_more_plausible_one_is_kept(problem
         made.append(line)
         return SimpleNamespace(evidence=float(len(made) - 1 == better)), line
 
-    monkeypatch.setattr("diagnosis.gap.starting.line_at", lambda _, start: start)
-    monkeypatch.setattr("diagnosis.gap.starting.base_from", fitted)
-    monkeypatch.setattr("diagnosis.gap.starting.Begun.evidence", property(lambda one: one.fit.evidence))
-    monkeypatch.setattr("diagnosis.gap.starting.Begun.quiet", False)
-    one = begun(problem, asked(problem))
+    monkeypatch.setattr("diagnosis.fitting.starting.line_at", lambda _, start: start)
+    monkeypatch.setattr("diagnosis.fitting.starting.base_from", fitted)
+    monkeypatch.setattr("diagnosis.fitting.starting.Begun.evidence", property(lambda one: one.fit.evidence))
+    monkeypatch.setattr("diagnosis.fitting.starting.Begun.quiet", False)
+    one = begun(problem, usual_starts(problem, asked(problem)))
     assert len(made) == 2 and one.line is made[better]
     assert (one.name == "prior") == (better == 1)
 
@@ -70,7 +70,7 @@ def test_a_fit_that_cannot_be_settled_is_where_the_line_led(problem, monkeypatch
         raise error
 
     line = line_at(problem, np.zeros(problem.size))
-    monkeypatch.setattr("diagnosis.gap.refit.settled", refuse)
+    monkeypatch.setattr("diagnosis.fitting.refit.settled", refuse)
     found, _ = base_from(line, problem.observed)
     assert np.abs(found.lin.z - line.z).max() > 0.1 and not found.exact
 
@@ -79,7 +79,7 @@ def test_an_estimator_that_cannot_read_the_recording_is_told_or_refused(problem,
     def refuse(*_):
         raise RecordingError("room.nc: has no channel 'TSet'")
 
-    monkeypatch.setattr("diagnosis.gap.starting.estimate", refuse)
+    monkeypatch.setattr("diagnosis.fitting.starting.estimate", refuse)
     with caplog.at_level("INFO"):
         assert asked(problem) is None
     assert caplog.messages == ["without a zero-shot estimate: room.nc: has no channel 'TSet'"]

@@ -1,4 +1,4 @@
-"""The base model's fit, from where a diagnosis begins: an estimator's zero-shot estimate, and the middle of the prior.
+"""The base model's fit, and where it begins: an estimator's zero-shot estimate, and the middle of the prior.
 
 From the middle of the prior a fit may end beside the optimum where the controllers are simulated, and what is left
 looks like a gap. But an estimate knows no gap, and a recording that has one may fit better from elsewhere.
@@ -6,16 +6,17 @@ looks like a gap. But an estimate knows no gap, and a recording that has one may
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from diagnosis.fitting.failures import FAILURES, reason
+from diagnosis.fitting.grams import Colour, estimated_colours
+from diagnosis.fitting.lines import Linearised
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import estimated_colours
-from diagnosis.gap.linear import Linearised
-from diagnosis.gap.refit import Refit, base_from, line_at, misfit
+from diagnosis.fitting.refit import Refit, base_from, line_at, misfit
 from diagnosis.recording import HOUR, Recording
 from diagnosis.zero_shot import estimate
 from shared.errors import EstimatorError, RecordingError, SimulationError, TimeUp
@@ -38,9 +39,14 @@ class Begun:
     line: Linearised
 
     @property
+    def colours(self) -> dict[int, Colour]:
+        """How slow the errors of the sensors are that the fit leaves, by output."""
+        return estimated_colours(self.fit.grams, self.fit.lin.problem.floor).best
+
+    @property
     def evidence(self) -> float:
-        """Log evidence of the fit, with the noise that it leaves."""
-        return self.fit.evidence_with(estimated_colours(self.fit.grams, self.fit.lin.problem.floor).best)
+        """Log evidence of the fit, with the errors that it leaves."""
+        return self.fit.evidence_with(self.colours)
 
     @property
     def quiet(self) -> bool:
@@ -83,8 +89,14 @@ def zero_shot(system: System, recording: Recording, run: Path | str | None) -> Z
         return None
 
 
-def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
-    """The most plausible fit of the base model, begun at the estimator's estimate or at the middle of the prior.
+def usual_starts(problem: Problem, estimated: ZeroShot | None) -> list[tuple[str, np.ndarray]]:
+    """An estimator's estimate, where there is one, and the middle of the prior: names and unknowns (unknowns,)."""
+    first = [(estimated.folder, problem.unknowns(estimated.values))] if estimated is not None else []
+    return [*first, (PRIOR, np.zeros(problem.size))]
+
+
+def begun(problem: Problem, starts: Sequence[tuple[str, np.ndarray]]) -> Begun:
+    """The most plausible fit of the base model from several starts; the first that leaves little more than noise.
 
     Where the time is up after one of them, that is it.
 
@@ -92,8 +104,8 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     ----------
     problem
         Before any fit, without effects.
-    estimated
-        From :func:`zero_shot`.
+    starts
+        What each is called, and its unknowns (unknowns,).
 
     Raises
     ------
@@ -102,9 +114,6 @@ def begun(problem: Problem, estimated: ZeroShot | None) -> Begun:
     TimeUp
         If the time was up before there was a fit.
     """
-    starts = [(PRIOR, np.zeros(problem.size))]
-    if estimated is not None:
-        starts.insert(0, (estimated.folder, problem.unknowns(estimated.values)))
     best: Begun | None = None
     why: dict[str, str] = {}
     for name, start in starts:

@@ -4,20 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray as xr
 
-from datagen import simulate
 from datagen.simulating.simulator import Simulator
-from diagnosis.effects import library
 from diagnosis.fitting.fit import fit
+from diagnosis.fitting.grams import AMPLITUDE, Grams, estimated_colours
+from diagnosis.fitting.lines import Linearised, linearised
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import AMPLITUDE, Grams, estimated_colours
-from diagnosis.gap.linear import Linearised, applicable, linearised
-from diagnosis.gap.refit import from_one_start, line_at, misfit, on_the_best_line, refit, relinearised
+from diagnosis.fitting.refit import misfit, refit, relinearised
 from diagnosis.gap.shrinkage import kept_for_scoring
 from diagnosis.recording import HOUR, read_recording
-from tests.diagnosis.gap.room_cases import in_the_middle, noisy, room
-from tests.diagnosis.gap.test_linear import covariance_of, problem_of
+from tests.diagnosis.fitting.test_lines import covariance_of, problem_of
+from tests.diagnosis.gap.room_cases import in_the_middle
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +25,7 @@ def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_syst
     whole = Problem(Simulator(system), record, occupancy="unknown", known=["constants"])
     scored = kept_for_scoring(record)
     fitted = whole.observed & ~scored
-    base = fit(whole.with_observed(fitted), rounds=1)  # from the truth, the middle of the prior
+    base = fit(whole.with_observed(fitted))  # from the truth, the middle of the prior
     carbon = system.output_names.index("CO2")
     rows = scored & whole.observed[carbon]
     grams = Grams(linearised(base.problem, base.z, base.around), fitted)
@@ -42,8 +39,6 @@ def test_persons_of_the_days_kept_from_a_fit_are_told_by_those_days(default_syst
 
 
 MIXED = {0: (1.0, 0.5, 5 * HOUR), 1: (0.7, 0.0, HOUR)}
-SHORT = {"warm_up": 24 * HOUR, "known": ["constants"]}
-"""The fewer unknowns and hours, the shorter the simulations."""
 
 
 def straight(seed=4):
@@ -93,52 +88,3 @@ def test_the_misfit_is_half_the_squares_of_residual_and_of_unknowns_in_their_spr
     expected = left @ weight_of(lin) @ left + lin.z[0] ** 2 + lin.z[1] ** 2 + (lin.z[2] / AMPLITUDE) ** 2
     assert abs(lin.z[2]) > 0.1
     assert misfit(grams, MIXED) == pytest.approx(0.5 * expected, rel=1e-9)
-
-
-def compared(problem, effects):
-    """Rivals from the middle of the prior, and on the line of the best."""
-    usable, _ = applicable(problem, effects)
-    colours = {k: (float(sd), 0.0, HOUR) for k, sd in enumerate(problem.floor)}
-    start = np.zeros(problem.size)
-    first = from_one_start(line_at(problem, start), usable, problem.observed, colours)
-    return first, on_the_best_line(first, start, problem.observed, colours)
-
-
-def amplitude(rivals, name):
-    (one,) = [one for one in rivals.refits if one.names == (name,)]
-    return float(one.lin.amplitudes[0]) * one.lin.chosen[0].scale
-
-
-@pytest.mark.slow
-def test_a_heater_that_gives_a_fifth_of_its_power_is_the_first_of_both_lines(tmp_path):
-    """Its scale is far less, and close to a base model that has bent itself it would change nothing."""
-    system = room().with_experiment(hours=72.0)
-    some = {"heater.derated", "infiltration.constant", "bridge"}
-    effects = [one for one in library(system) if one.name in some]
-    (cause,) = [one for one in effects if one.name == "heater.derated"]
-    size = 0.8 * min(cause.upper, 5 * cause.scale)
-    truth = {one.name: float(one.from_unit(0.5)) for one in system.parameters}
-    simulate(system, parameters=truth | {"effect.heater.derate": size}, hours=72.0, seed=3, out=tmp_path / "room.nc")
-    record = noisy(read_recording(tmp_path / "room.nc", system), system, 5)
-    problem = Problem(Simulator(system), record, occupancy="measured", **SHORT)
-    for rivals in compared(problem, effects):
-        assert rivals.refits[0].names == ("heater.derated",)
-        assert amplitude(rivals, "heater.derated") == pytest.approx(size, rel=0.1)
-        assert len(rivals.refits) == len(some) and not rivals.failed
-        assert rivals.refits[0].evidence > rivals.base.evidence + 10.0
-
-
-@pytest.mark.slow
-def test_a_clock_that_is_an_hour_late_is_found_in_replay(default_system, tmp_path):
-    """From the base model's fit, which bends itself to make up for the hour, the way ends at half of it."""
-    system = in_the_middle(default_system, tmp_path / "room.nc", hours=73.0)
-    data = xr.load_dataset(tmp_path / "room.nc", decode_times=False)
-    late = data.isel(time=slice(None, -1)).copy(deep=True)  # a reading of eleven is written down at ten
-    for name in system.output_names:
-        late[name].values[:] = data[name].values[1:]
-    late.to_netcdf(tmp_path / "late.nc")
-    record = read_recording(tmp_path / "late.nc", system)
-    problem = Problem(Simulator(system), record, occupancy="measured", replay=True, **SHORT)
-    first, last = compared(problem, [one for one in library(system) if one.name == "clock"])
-    assert amplitude(last, "clock") == pytest.approx(1.0, abs=0.1)
-    assert amplitude(first, "clock") == pytest.approx(1.0, abs=0.3)

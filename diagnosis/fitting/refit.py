@@ -1,4 +1,4 @@
-"""Fits of the base model and of candidates, and which of them is the more plausible.
+"""Fits of unknowns, with the nuisance integrated out along a straight line.
 
 **A fit on one line** (:func:`refit`): the simulation is linearised by the nuisance, whose response is kept, and the
 unknowns are found by Gauss-Newton steps on the likelihood with the nuisance integrated out, each a small bounded
@@ -11,42 +11,25 @@ changed twice an hour bend it, and what the bend leaves behind looks like a gap.
 the line is drawn anew where unknowns and nuisance have moved to, until the evidence (Laplace's, at that point) no
 longer grows; a move that lowers it is taken back by half. From a start, the base model is first led by lines at the
 usual nuisance (:func:`base_from`): what the readings say of persons at parameters that are far off is fiction.
-
-**Rivals** begin and are treated alike, because an evidence holds where it was worked out: two models that were fitted
-from different starts differ by where the search ended as well as by what they are. And a line at the base model's fit
-says nothing of a cause that has bent the parameters there: plug loads of twice their usual size look like warm outdoor
-air. So
-
-1. on one line, drawn where the base model's fit began or, where that is far off, where it came near, each candidate is
-   refitted with the parameters (:func:`from_one_start`). It begins with the amplitude that promises most there, of a
-   grid over its prior: what it does need not grow with its amplitude (a timetable that is moved by two hours meets
-   another hour of the day). That ranks forty candidates for ten simulations each;
-2. the foremost and the base model are refitted on one line that is drawn where the best of them is
-   (:func:`on_the_best_line`); what moves an input in time is simulated there with amplitudes from all over its range.
-
-Fitted each to its own rest, nuisance and all, one and the same model differs by tens in log evidence between two
-starts where nobody counted the persons or meters drive the model: by more than most candidates differ.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 
-from diagnosis.effects import Effect, moved_in_time
-from diagnosis.fitting.failures import FAILURES, reason
-from diagnosis.fitting.fit import pruned
-from diagnosis.fitting.gaussian import factor
+from diagnosis.effects import Effect
+from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.gaussian import factor, mass
+from diagnosis.fitting.grams import AMPLITUDE, Colour, Grams, estimated_colours
+from diagnosis.fitting.likely import pruned
+from diagnosis.fitting.lines import Linearised, linearised, widened
 from diagnosis.fitting.problem import Problem
-from diagnosis.gap.grams import AMPLITUDE, Colour, Grams, estimated_colours, projected
-from diagnosis.gap.linear import Linearised, linearised, widened
-from diagnosis.gap.scan import mass
-from shared.errors import SimulationError, TimeUp
+from shared.errors import TimeUp
 
 RENEWALS = 3
 WORTH = 1.0
@@ -182,16 +165,21 @@ class Refit:
     """Effects fitted with the parameters.
 
     ``lin`` is the linearised problem there, without further candidates, ``grams`` its products; ``evidence`` with
-    the colours of the null; ``sd`` (unknowns,) of the posterior; ``settled``: whether no step promised more; ``exact``:
-    whether its derivatives were simulated there.
+    the colours of the null; ``covariance`` (unknowns, unknowns) of the posterior; ``settled``: whether no step promised
+    more; ``exact``: whether its derivatives were simulated there.
     """
 
     lin: Linearised
     grams: Grams
     evidence: float
-    sd: np.ndarray
+    covariance: np.ndarray
     settled: bool
     exact: bool
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Posterior standard deviations of the unknowns, shape (unknowns,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -276,7 +264,8 @@ def refit(
     grams = Grams(here, before.observed, before)
     left = grams.without_nuisance(colours)
     covariance = cho_solve((factor(left.information), True), np.eye(grams.n_unknown))
-    found = Refit(here, grams, 0.0, np.sqrt(np.diag(covariance)) * grams.spread, settled, exact)
+    covariance *= np.outer(grams.spread, grams.spread)
+    found = Refit(here, grams, 0.0, covariance, settled, exact)
     return replace(found, evidence=found.evidence_with(colours))
 
 
@@ -422,12 +411,6 @@ def linear_start(grams: Grams, colours: dict[int, Colour], new: Sequence[int]) -
     return np.concatenate([unknowns[:first], amplitudes, unknowns[first:]])
 
 
-GRID = (-4.0, -2.0, -0.5, 0.5, 2.0, 4.0)
-"""Amplitudes that are tried at first [scales]: out to twice the prior's standard deviation, and well within it."""
-FINE = np.linspace(-8.0, 8.0, 17)
-"""Of an effect that moves an input in time: every step of the readings has a trough of its own."""
-
-
 LEADS = 3
 """Lines, at most, by which the base model is led from a start."""
 AWAY = 1.0
@@ -436,19 +419,6 @@ safely from afar, and ends beside the optimum."""
 FAR = 5.0
 """The same from which a line is no ground to compare models on: where the base model is hundreds in log evidence below
 its optimum, candidates differ by how they get away from there."""
-
-
-@dataclass(frozen=True)
-class Rivals:
-    """Refits on one line by the nuisance.
-
-    ``base`` without an effect, ``refits`` of the candidates, the best first; ``failed``: candidates that could not be
-    refitted, and why.
-    """
-
-    base: Refit
-    refits: tuple[Refit, ...]
-    failed: dict[str, str] = field(default_factory=dict)
 
 
 def line_at(plain: Problem, start: np.ndarray) -> Linearised:
@@ -509,151 +479,3 @@ def _led(line: Linearised, observed: np.ndarray) -> Refit:
     """Where a line leads the base model, with the colours that it sees."""
     grams = Grams(line, observed)
     return refit(grams, estimated_colours(grams, line.problem.floor).best, line.z, (), redrawn=False)
-
-
-def from_one_start(
-    line: Linearised, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
-) -> Rivals:
-    """Refit the base model and all candidates from one start, on one line by the nuisance.
-
-    Parameters
-    ----------
-    line
-        At the start, without effects.
-    observed
-        Readings that count, shape (outputs, steps).
-    colours
-        Of the noise, by channel.
-
-    Raises
-    ------
-    SimulationError
-        If the base model cannot be simulated there.
-    """
-    start = line.z
-    amplitudes, secants, failed = begun(line, effects, observed, colours)
-    grams = Grams(replace(line, by_effect=secants, effects=tuple(effects)), observed)
-    base = refit(grams, colours, start, (), redrawn=False)
-    first, made = len(line.problem.system.parameters), []
-    for effect, amplitude in zip(effects, amplitudes.tolist(), strict=True):
-        if effect.name in failed:
-            continue
-        try:
-            made.append(refit(grams, colours, np.insert(start, first, amplitude), [effect], redrawn=False))
-        except FAILURES as error:
-            failed[effect.name] = reason(error)
-    return Rivals(base, tuple(sorted(made, key=lambda one: -one.evidence)), failed)
-
-
-def begun(
-    lin: Linearised, effects: Sequence[Effect], observed: np.ndarray, colours: dict[int, Colour]
-) -> tuple[np.ndarray, np.ndarray, dict[str, str]]:
-    """Of a grid the amplitude (effects,) [scales] of each candidate that promises most on one line.
-
-    Returns
-    -------
-    tuple of numpy.ndarray
-        Amplitudes; what a scale of each does to the outputs there, shape (outputs, steps, effects); and which could not
-        be simulated with any amplitude, and why.
-    """
-    library, first = lin.problem.with_effects(effects), len(lin.problem.system.parameters)
-    cases, places = [], []
-    for k, effect in enumerate(effects):
-        low, high = effect.lower / effect.scale, effect.upper / effect.scale
-        grid = FINE if moved_in_time(effect) else GRID
-        for amplitude in sorted({float(np.clip(one, low, high)) for one in grid} - {0.0}):
-            one = np.zeros(len(effects))
-            one[k] = amplitude
-            cases.append((np.concatenate([lin.z[:first], one, lin.z[first:]]), lin.around.heights))
-            places.append((k, amplitude))
-    outcomes = library.simulate_each(cases)
-    kept, failed = [], {}
-    for (k, amplitude), outputs in zip(places, outcomes, strict=True):
-        if isinstance(outputs, SimulationError):
-            failed[effects[k].name] = str(outputs)
-        else:
-            kept.append((k, amplitude, outputs - lin.outputs))
-    failed = {name: why for name, why in failed.items() if name not in {effects[k].name for k, *_ in kept}}
-    best, secants = np.zeros(len(effects)), np.zeros((*lin.outputs.shape, len(effects)))
-    if not kept:
-        return best, secants, failed
-    grams = Grams(replace(lin, by_effect=np.stack([moved for *_, moved in kept], axis=-1)), observed)
-    left = projected(grams.total(colours), grams.inner.size)
-    amplitudes = np.array([amplitude for _, amplitude, _ in kept])
-    worth = left.score - 0.5 * (np.diag(left.information) + (amplitudes / AMPLITUDE) ** 2)
-    for place in np.argsort(worth, kind="stable"):
-        k, amplitude, moved = kept[place]
-        best[k], secants[..., k] = amplitude, moved / amplitude
-    return best, secants, failed
-
-
-def on_the_best_line(rivals: Rivals, base: np.ndarray, observed: np.ndarray, colours: dict[int, Colour]) -> Rivals:
-    """The same refitted on one line that is drawn where the best candidate is.
-
-    Parameters
-    ----------
-    rivals
-        With one candidate at least.
-    base
-        Where the base model's own fit is, shape (unknowns,): a further start for it, besides where it was led.
-    observed, colours
-        As of :func:`from_one_start`.
-
-    Raises
-    ------
-    SimulationError
-        If the line cannot be drawn, or the base model not be simulated on it.
-    """
-    best = rivals.refits[0]
-    shared = relinearised(best.grams, colours, best.lin.z, observed)
-
-    def there(z: np.ndarray, effects: Sequence[Effect]) -> Refit:
-        lin = linearised(shared.problem.with_effects(effects), z, shared.around, like=shared)
-        return refit(Grams(lin, observed), colours, z, ())
-
-    plain: list[Refit] = []
-    for z in (rivals.base.lin.z, base):
-        with suppress(*FAILURES):
-            plain.append(there(z, ()))
-    if not plain:
-        raise SimulationError("the base model cannot be simulated where the best candidate is")
-    made, failed = [], {}
-    for one in rivals.refits:
-        try:
-            made.append(in_the_deepest_trough(there(one.lin.z, one.lin.chosen), colours))
-        except FAILURES as error:
-            failed[one.names[0]] = reason(error)
-    made.sort(key=lambda one: -one.evidence)
-    return Rivals(max(plain, key=lambda one: one.evidence), tuple(made), failed)
-
-
-def in_the_deepest_trough(one: Refit, colours: dict[int, Colour]) -> Refit:
-    """A refit of one effect, or one that began with another amplitude and is more plausible.
-
-    Only effects that move an input in time are asked: steps along straight lines end in the nearest trough.
-    """
-    problem, place = one.lin.problem, len(one.lin.problem.system.parameters)
-    if not moved_in_time(one.lin.chosen[0]):
-        return one
-    # the effect's own derivative belongs to where it is, and promises what it does not keep elsewhere
-    others = one.lin.by_unknown.copy()
-    others[..., place] = 0.0
-    promised, start = misfit(one.grams, colours), None
-    for amplitude in np.unique(np.clip(FINE, *(bound[place] for bound in inner(problem)))):
-        z = one.lin.z.copy()
-        z[place] = amplitude
-        try:
-            there = linearised(problem, z, one.lin.around, (), others, one.lin)
-        except FAILURES:
-            continue
-        grams = Grams(there, one.grams.observed, one.grams)
-        value = misfit(grams, colours) - step_from(there, grams, colours)[1]
-        if value < promised:
-            promised, start = value, z
-    if start is None:
-        return one
-    with suppress(*FAILURES):
-        begins = linearised(problem, start, one.lin.around, like=one.lin)
-        other = refit(Grams(begins, one.grams.observed, one.grams), colours, start, ())
-        return max(one, other, key=lambda each: each.evidence)
-    return one
