@@ -264,6 +264,8 @@ def probabilities(
 def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
     """The answer that evidence gives.
 
+    Nothing is named that is less probable than none of these.
+
     ``own``: whether the verdicts were worked out on this very system. Where they were not, or where a room is beyond
     the description and more is left than is explained, a candidate that is rejected on its own replicates is no answer.
     """
@@ -298,9 +300,9 @@ def decide(evidence: Evidence, by: Verdicts, *, own: bool = True) -> Decision:
     if chance.nothing >= LIKELY:
         return answer("no_gap")
     rejected = evidence.rejected and (not own or evidence.excess > 0)
-    if not evidence.chosen or rejected or chance.none > sum(chance.causes.values()):
-        return answer("none_of_these")
     sets = [held_by(chance.causes, evidence.chosen[:1], held)]
+    if not evidence.chosen or rejected or chance.none > sum(chance.causes.get(name, 0.0) for name in sets[0]):
+        return answer("none_of_these")
     if len(evidence.chosen) > 1:
         sets.append(held_by(beside, evidence.chosen[1:2], held))
     return answer("effect" if all(len(one) == 1 for one in sets) else "ambiguous", *sets)

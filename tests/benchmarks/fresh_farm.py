@@ -56,7 +56,7 @@ def answers(done: Done) -> None:
     outside = [(r, d) for r, d in caused if r.stratum in OUTSIDE]
     line("of these, causes of no candidate: none of these is in the answer", [holds(r, d) for r, d in outside])
     for low, high in BINS:
-        foremost = [(max(d.probabilities, key=lambda name: d.probabilities[name]), r, d) for r, d in done]
+        foremost = [(max(d.probabilities, key=d.probabilities.__getitem__), r, d) for r, d in done if d.probabilities]
         some = [(name, r, d) for name, r, d in foremost if low <= d.probabilities[name] < high + (high == 1)]
         said = [d.probabilities[name] for name, _, d in some]
         line(f"the foremost candidate is true, where said {low:g} to {high:g}", [n in r.true for n, r, _ in some], said)

@@ -124,12 +124,14 @@ def test_a_gap_whose_cause_nobody_looked_for_is_of_no_candidate():
     whole(done)
 
 
-def test_none_of_these_is_answered_where_it_is_more_probable_than_all_candidates_together():
-    """Candidates that look alike share what is theirs."""
+def test_none_of_these_is_answered_where_it_is_more_probable_than_what_would_be_named():
+    """Candidates that look alike share what is theirs, if all are named."""
     alike = replace(LOUD, candidates={f"{k}": 50.0 for k in range(4)}, chosen=("0",), left=6.0)
     done = decide(alike, BY.model_copy(update={"held": {"all": 0.05}}))
     assert max(done.probabilities.values()) < done.none < sum(done.probabilities.values())
     assert (done.verdict, done.or_none) == ("ambiguous", True)
+    one = decide(alike, BY.model_copy(update={"held": {"all": done.none}}))
+    assert (one.verdict, one.named) == ("none_of_these", ())
     assert decide(replace(alike, left=60.0), BY).verdict == "none_of_these"
 
 
