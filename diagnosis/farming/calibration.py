@@ -44,7 +44,9 @@ POWER = (1 / 3, 1.0)
 COVER = 0.9
 """Share of answered gaps with a cause in which the answer's set holds what is true."""
 FEWEST = 25
-"""Recordings without a cause by which weights are fitted, and answers of a condition that has a limit of its own."""
+"""Recordings without a cause by which weights are fitted."""
+OWN = 100
+"""Answers of a condition that has a limit of its own: of fewer, two that miss make a limit that lets all in."""
 OUTSIDE = ("outside", "withheld")
 """Strata whose cause is no candidate."""
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -104,7 +106,7 @@ def _limits(rows: Sequence[Row], apart: Sequence[Probabilities]) -> dict[str, An
             if row.evidence.gap and row.evidence.chosen and chance.nothing < LIKELY
         ]
         right = [_in_set(chance, row) for row, chance in some]
-        if name == POOLED or len(right) >= FEWEST:
+        if name == POOLED or len(right) >= OWN:
             held[name] = _lowest(right, 1 - COVER)
     return {"held": held, "second": _second(rows)}
 
