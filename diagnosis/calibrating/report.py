@@ -175,7 +175,7 @@ def _meant(report: Calibration) -> list[str]:
         " that the model does not explain."
     )
     if not report.converged:
-        said.append("The fit had not converged when it stopped: another start may give other values (--starts).")
+        said.append("The fit had not converged when it stopped. Take its figures with care.")
     return said
 
 
