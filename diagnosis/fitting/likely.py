@@ -139,8 +139,8 @@ LEAST_FELT = 0.1
 def pruned(problem: Problem, around: Linearisation) -> tuple[Problem, Linearisation]:
     """The same problem without history and changes within steps that no reading feels, and its linearisation."""
     nuisance = problem.nuisance
-    moved = np.abs(around.response) * nuisance.sd / problem.noise.sd[:, None, None]
-    keep = nuisance.guessed | (moved.max(axis=(0, 1), initial=0.0) > LEAST_FELT)
+    effect = np.abs(around.response) * nuisance.sd / problem.noise.sd[:, None, None]
+    keep = nuisance.guessed | (effect.max(axis=(0, 1), initial=0.0) > LEAST_FELT)
     other = problem.with_nuisance(nuisance.only(keep))
     used = np.abs(nuisance.factor[keep]).any(axis=0)
     response = around.response[:, :, keep]
