@@ -18,7 +18,8 @@ from diagnosis.calibrating.calibration import opened
 from diagnosis.calibrating.given import check_given, check_unknowns, given_calibration, noise_of
 from diagnosis.calibrating.schema import Calibration
 from diagnosis.curves import curves, plot
-from diagnosis.fitting.likely import LOOKS, most_likely
+from diagnosis.fitting.likely import LOOKS, most_likely, pruned
+from diagnosis.fitting.lines import widened
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import InProcess, Outcome, Run
 from diagnosis.recording import HOUR, Recording
@@ -177,7 +178,9 @@ def _calibrated(
         warm_up=warm_up * HOUR,
     )
     check_unknowns(report, path, problem)
-    return problem, most_likely(problem, np.array(report.z), LOOKS)[1]
+    z = np.array(report.z)
+    fitted, _ = widened(*pruned(problem, problem.linearise(z)))
+    return problem, most_likely(fitted, z, LOOKS)[1]
 
 
 class _Given(InProcess):

@@ -20,6 +20,7 @@ from diagnosis.pages import whole
 from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.usual import STARTS, WARM_UP
+from diagnosis.verdicts import doubt_of
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
 from shared.places import check_folder
@@ -180,7 +181,7 @@ def calibrate(
         begins += [("a draw of the prior", one) for one in others]
         with said_by(record.path):
             found = fit(problem, begins, estimate_noise=estimate_noise)
-        report = summarise(found, zero_shot)
+        report = summarise(found, zero_shot, doubt_of(described))
         report = report.model_copy(update={"physics": check_physics(described, record)})
         done = Calibrated(report, found)
         if place is not None:

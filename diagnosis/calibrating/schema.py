@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.fitting.fit import DOUBT, Fit, doubted
+from diagnosis.fitting.fit import Fit, doubted
 from diagnosis.physics import Finding
 from diagnosis.recording import HOUR, Recording
 from diagnosis.scores import Score, score
@@ -300,12 +300,12 @@ STILL = 2.0
 """An output that moves by less than this many standard deviations of its sensor's noise does not move."""
 
 
-def summarise(found: Fit, zero_shot: dict[str, float]) -> Calibration:
-    """The report of a fit."""
+def summarise(found: Fit, zero_shot: dict[str, float], doubt: float) -> Calibration:
+    """The report of a fit, its recording doubted (:func:`diagnosis.fitting.fit.doubted`)."""
     problem = found.problem
     system = problem.system
     count = len(system.parameters)
-    covariance = doubted(found.covariance)
+    covariance = doubted(found.covariance, doubt)
     sd = np.sqrt(np.diag(covariance))
     low, value, high = (problem.values(found.z + k * HALF_WIDTH * sd) for k in (-1, 0, 1))
     parameters = [
@@ -365,7 +365,7 @@ def summarise(found: Fit, zero_shot: dict[str, float]) -> Calibration:
         undeclared=problem.undeclared,
         z=found.z.tolist(),
         covariance=covariance.tolist(),
-        widened=DOUBT,
+        widened=doubt,
         log_likelihood=found.log_likelihood,
         log_evidence=found.log_evidence,
         converged=found.converged,

@@ -19,21 +19,10 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from diagnosis.farming.rows import Row, Rows
-from diagnosis.gap.verdict import (
-    LIKELY,
-    NONE,
-    NOTHING,
-    POOLED,
-    Answers,
-    Count,
-    Decision,
-    Probabilities,
-    Verdicts,
-    condition,
-    decide,
-    features,
-    probabilities,
-)
+from diagnosis.gap.verdict import LIKELY, Decision, Probabilities, condition, decide, features, probabilities
+from diagnosis.usual import HALF_WIDTH
+from diagnosis.usual import LEVEL as COVER
+from diagnosis.verdicts import NONE, NOTHING, POOLED, Answers, Count, Verdicts
 from shared.errors import RecordingError
 
 FOLDS = 10
@@ -41,8 +30,6 @@ WIDE = 2.0
 """Standard deviation of a weight in its prior."""
 POWER = (1 / 3, 1.0)
 """Median of the evidence's power in its prior, and the standard deviation of its logarithm."""
-COVER = 0.9
-"""Share of answered gaps with a cause in which the answer's set holds what is true."""
 FEWEST = 25
 """Recordings without a cause by which weights are fitted."""
 OWN = 100
@@ -81,6 +68,7 @@ def calibrated(found: Rows) -> Verdicts:
         **_named(fitted(rows)),
         **_limits(rows, apart),
         cover=COVER,
+        doubt=_doubt(rows),
         reliability=_reliability(apart, rows),
         answers=Answers(alarms=nothing, named=nothing, outside=nothing),
     )
@@ -176,6 +164,32 @@ def _lowest(values: Sequence[float], share: float) -> float:
     """The value below which a new one of the same kind lies with a probability of ``share`` at most."""
     rank = int(np.floor(share * (len(values) + 1)))
     return float(np.sort(values)[rank - 1]) if rank else 0.0
+
+
+def _doubt(rows: Sequence[Row]) -> float:
+    """How much fits are to be doubted, so that their intervals cover in a share COVER where the cause was found.
+
+    An interval reaches a true value if the doubt is so large that the prior's and the recording's information together
+    are small enough; one beyond the prior's own interval it never reaches.
+
+    Raises
+    ------
+    RecordingError
+        If no doubt makes that many cover.
+    """
+    found = [row.errors for row in rows if {*row.evidence.chosen} == {*row.true} and row.stratum not in OUTSIDE]
+    error, sd = np.array([one for errors in found for one in errors]).reshape(-1, 2).T
+    told = np.maximum(sd**-2.0 - 1, 0)
+    room = (HALF_WIDTH / np.maximum(np.abs(error), 1e-9)) ** 2 - 1
+    needed = np.where(room > 0, np.sqrt(told / np.maximum(room, 1e-12)), np.inf)
+    rank = int(np.ceil(COVER * len(needed)))
+    doubt = float(np.sort(needed)[rank - 1]) if len(needed) else np.inf
+    if not np.isfinite(doubt):
+        raise RecordingError(
+            f"{len(found)} recordings whose cause was found, and more than {1 - COVER:.0%} of their parameters are"
+            " beyond the ranges of the description; expected true values within them"
+        )
+    return max(doubt, 1.0)
 
 
 def _second(rows: Sequence[Row]) -> float:

@@ -22,8 +22,9 @@ from diagnosis.blind.make import uncertain_sha256
 from diagnosis.effects import library
 from diagnosis.farming.calibration import calibrated
 from diagnosis.farming.rows import Row, Rows, generator, read_row, work
-from diagnosis.gap.verdict import FILE_NAME, Verdicts, candidates_sha256, decide
+from diagnosis.gap.verdict import decide
 from diagnosis.recording import DAY, HOUR
+from diagnosis.verdicts import FILE_NAME, Verdicts, candidates_sha256
 from shared import __version__
 from shared.errors import RecordingError
 from shared.lock import FolderLock

@@ -21,7 +21,8 @@ from diagnosis.gap.reporting import Answered, Began, reported
 from diagnosis.gap.schema import HOW_FAR, Report, ShrinkageOf
 from diagnosis.gap.search import at_its_optimum, search
 from diagnosis.gap.shrinkage import Apart, fitted_apart, left_by, shrinkages
-from diagnosis.gap.verdict import Verdicts, decide
+from diagnosis.gap.verdict import decide
+from diagnosis.verdicts import Verdicts
 from diagnosis.where import Operator
 from shared.results import Result
 
@@ -94,7 +95,7 @@ def concluded(
     began
         When the diagnosis began.
     by
-        How evidence becomes an answer, from :func:`diagnosis.gap.verdict.verdicts_of`.
+        How evidence becomes an answer, from :func:`diagnosis.verdicts.verdicts_of`.
     known
         A diagnosis from the same fit among these candidates and others; what does not depend on the others is kept.
     """

@@ -21,10 +21,10 @@ from diagnosis.gap.concluded import Diagnosis, concluded
 from diagnosis.gap.places import check_places
 from diagnosis.gap.reporting import Began
 from diagnosis.gap.shrinkage import kept_for_scoring
-from diagnosis.gap.verdict import verdicts_of
 from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
+from diagnosis.verdicts import verdicts_of
 from shared.errors import RecordingError
 from shared.logs import logger
 from shared.places import check_folder

@@ -32,9 +32,10 @@ from diagnosis.gap.sentences import summary
 from diagnosis.gap.shrinkage import Apart
 from diagnosis.gap.stages import Stage
 from diagnosis.gap.twins import TWINS
-from diagnosis.gap.verdict import Decision, Verdicts
+from diagnosis.gap.verdict import Decision
 from diagnosis.recording import HOUR
 from diagnosis.usual import HALF_WIDTH
+from diagnosis.verdicts import Verdicts
 from diagnosis.where import Operator, Where
 
 
@@ -86,7 +87,7 @@ def reported(done: Answered, began: Began) -> Report:
     report = Report(
         verdict=decision.verdict,
         summary=[],
-        effects=_effects(search, decision),
+        effects=_effects(search, decision, by.doubt),
         hypotheses=_hypotheses(search),
         sets=[list(one) for one in decision.sets],
         none_of_these=decision.none,
@@ -103,9 +104,9 @@ def reported(done: Answered, began: Began) -> Report:
         sources_unknown=done.unknown,
         shrinkage=done.shrinkage,
         chosen_apart=done.apart is None or done.apart.agreed,
-        parameters=_before_and_after(search, 0, [(one.name, one.unit) for one in problem.system.parameters]),
+        parameters=_before_and_after(search, 0, [(one.name, one.unit) for one in problem.system.parameters], by.doubt),
         constants=_before_and_after(
-            search, len(problem.system.parameters), [(one.name, "1") for one in problem.constants]
+            search, len(problem.system.parameters), [(one.name, "1") for one in problem.constants], by.doubt
         ),
         detectability=detectability(first),
         dropped=list(search.dropped),
@@ -184,7 +185,7 @@ def _hypotheses(search: Search) -> list[HypothesisOf]:
     return [of(None, 0.0), *sorted((of(effect.name, value) for effect, value in evidence), key=rank, reverse=True)]
 
 
-def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
+def _effects(search: Search, decision: Decision, doubt: float) -> list[NamedEffect]:
     """Candidates, the most probable first."""
     fitted: dict[str, tuple[float, float, bool]] = {}
     for k, refits in enumerate(search.refits):
@@ -192,9 +193,9 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
         for one in reversed(refits):
             name = one.names[-1]
             if name in told or name not in fitted:  # a candidate of an earlier set is told as what it was there
-                fitted[name] = _amplitude(one, name)
+                fitted[name] = _amplitude(one, name, doubt)
     for name in search.settled[-1].names if search.settled else ():  # chosen together, fitted together
-        fitted[name] = _amplitude(search.settled[-1], name)
+        fitted[name] = _amplitude(search.settled[-1], name, doubt)
     found = []
     for effect in search.stages[0].lin.effects:
         known = fitted.get(effect.name)
@@ -215,10 +216,10 @@ def _effects(search: Search, decision: Decision) -> list[NamedEffect]:
     return sorted(found, key=lambda one: -one.probability)
 
 
-def _amplitude(one: Refit, name: str) -> tuple[float, float, bool]:
+def _amplitude(one: Refit, name: str, doubt: float) -> tuple[float, float, bool]:
     """Of one of a refit's effects: amplitude and standard deviation [scales], and whether it lies on a bound."""
     place = len(one.lin.problem.system.parameters) + one.names.index(name)
-    z, sd = float(one.lin.z[place]), float(_sd(one)[place])
+    z, sd = float(one.lin.z[place]), float(_sd(one, doubt)[place])
     low, high = (bound[place] for bound in one.lin.problem.bounds)
     # zero is the base model and no bound; of a range that is open on one side the other end counts
     ends = [end for end in (low, high) if np.isfinite(end) and end != 0]
@@ -253,17 +254,17 @@ def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
     return sorted(found, key=rank)
 
 
-def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) -> list[ParameterOf]:
+def _before_and_after(search: Search, first: int, names: list[tuple[str, str]], doubt: float) -> list[ParameterOf]:
     """Before, and after if effects were chosen, with 90 % intervals [unit]; (name, unit) of unknowns from ``first`` on.
 
     Amplitudes stand between parameters and constants, and only after.
     """
     one = search.base
-    before, bounds = _values(one), set(one.at_bound)
+    before, bounds = _values(one, doubt), set(one.at_bound)
     after, bounds_after, shift = None, set[str](), 0
     if search.chosen:
         one = search.settled[-1]
-        after, bounds_after = _values(one), set(one.at_bound)
+        after, bounds_after = _values(one, doubt), set(one.at_bound)
         shift = len(search.chosen) if first else 0
     found = []
     for k, (name, unit) in enumerate(names, first):
@@ -285,14 +286,14 @@ def _before_and_after(search: Search, first: int, names: list[tuple[str, str]]) 
     return found
 
 
-def _values(one: Refit) -> list[np.ndarray]:
+def _values(one: Refit, doubt: float) -> list[np.ndarray]:
     """Values and their 90 % intervals (low, value, high), each (unknowns,) [unit of each]."""
-    return [one.lin.problem.values(one.lin.z + k * HALF_WIDTH * _sd(one)) for k in (-1, 0, 1)]
+    return [one.lin.problem.values(one.lin.z + k * HALF_WIDTH * _sd(one, doubt)) for k in (-1, 0, 1)]
 
 
-def _sd(one: Refit) -> np.ndarray:
+def _sd(one: Refit, doubt: float) -> np.ndarray:
     """Standard deviations (unknowns,) of a refit, its recording doubted as a calibration's is."""
-    return np.asarray(doubted_sd(one.sd / one.grams.spread) * one.grams.spread)
+    return np.asarray(doubted_sd(one.sd / one.grams.spread, doubt) * one.grams.spread)
 
 
 def _sources(where: Where) -> list[SourceOf]:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from diagnosis.gap.verdict import Answers, Verdict
+from diagnosis.gap.verdict import Verdict
 from diagnosis.physics import Finding
+from diagnosis.verdicts import Answers
 from shared.errors import RecordingError
 from shared.reading import newer, read_json, shown, validated
 from shared.results import Result

@@ -3,111 +3,24 @@
 Probabilities are those of a conditional logit (McFadden 1974, Frontiers in Econometrics, 105-142) over the hypotheses
 that nothing acts, that the cause is no candidate, and each candidate. A candidate's log evidence counts by a power
 (Gruenwald 2012, ALT 23:169), because a true cause acts by a law that is not quite its candidate's. The weights and the
-limits of an answer are those of a system's ``verdict.json``, which ``diagnosis farm`` fits to recordings whose cause it
-knows: no number of them stands here.
+limits of an answer are those of a system's ``verdict.json`` (:mod:`diagnosis.verdicts`).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from scipy.special import logsumexp
 
-from diagnosis.effects import Effect
 from diagnosis.gap.evidence import Evidence
-from shared.errors import RecordingError
-from shared.reading import read_json, validated
-from shared.shipped import USUAL, shipped_systems
-from shared.system import System
+from diagnosis.verdicts import POOLED, Verdicts
 
 Verdict = Literal["effect", "ambiguous", "none_of_these", "no_gap", "unfinished"]
-SCHEMA_VERSION = 1
-FILE_NAME = "verdict.json"
-NOTHING = ("one", "best", "gap", "p", "before", "unsettled", "uncounted", "replay")
-"""What the odds of no gap depend on, by the names of :func:`features`."""
-NONE = ("one", "best", "left", "rejected", "unexplained", "replay")
-"""What those of a cause that is no candidate depend on."""
 LIKELY = 0.5
 """A gap that the tests find is answered where no gap is less probable than this."""
-POOLED = "all"
-"""The condition that stands for all, where one has too few recordings for limits of its own."""
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Count(_Table):
-    """Of so many answers, what was said and what was true, on average."""
-
-    what: str
-    low: float
-    high: float
-    count: int
-    said: float
-    true: float
-
-
-class Answers(_Table):
-    """What answers were worth: ``alarms`` to recordings without a cause, what was ``named``, causes ``outside``."""
-
-    alarms: Count
-    named: Count
-    outside: Count
-
-
-def _known(weights: dict[str, float]) -> dict[str, float]:
-    if unknown := weights.keys() - {*NOTHING, *NONE}:
-        raise ValueError(f"{', '.join(sorted(unknown))} is no feature; expected some of {', '.join((*NOTHING, *NONE))}")
-    return weights
-
-
-Weights = Annotated[dict[str, float], AfterValidator(_known)]
-
-
-class Verdicts(_Table):
-    """``verdict.json``: how a system's evidence becomes an answer, and what that was worked out on.
-
-    ``nothing`` and ``none``: weights of :data:`NOTHING` and :data:`NONE`; ``power`` of the candidates' evidence.
-    ``held``, by :func:`condition`: a candidate, and none of these, is in the answer's set from this probability on; of
-    the answers to a gap that has a cause, the set then holds what is true in a share ``cover``, about. ``second``: how
-    often a second effect that is named is a cause. ``strata``: recordings by what they were. ``reliability`` and
-    ``answers`` are of recordings that took no part in weights and limits. ``candidates_sha256`` is of all that
-    candidates are.
-    """
-
-    schema_version: int = SCHEMA_VERSION
-    system: str
-    system_hash: str
-    fmu_sha256: str
-    uncertain_sha256: str
-    candidates_sha256: str
-    version: str
-    made: str
-    hours: float
-    noise: str
-    seed: int
-    strata: dict[str, int]
-    nothing: Weights
-    none: Weights
-    power: float = Field(gt=0)
-    second: float = Field(ge=0, le=1)
-    held: dict[str, float]
-    cover: float = Field(ge=0, le=1)
-    reliability: list[Count]
-    answers: Answers
-
-    @property
-    def recordings(self) -> int:
-        """How many recordings the weights were fitted to."""
-        return sum(self.strata.values())
 
 
 @dataclass(frozen=True)
@@ -147,62 +60,6 @@ class Decision:
     gap: bool
     rejected: bool
     unlike: bool
-
-
-def candidates_sha256(effects: Sequence[Effect]) -> str:
-    """The sha256 of what candidates are: of declared ones the declaration, of others what they say of themselves."""
-    said = []
-    for one in effects:
-        spec = getattr(one, "spec", None)
-        declared = spec.model_dump(mode="json") if isinstance(spec, BaseModel) else {}
-        said.append([one.name, one.kind, one.unit, one.scale, one.lower, one.upper, declared])
-    return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def verdicts_of(system: System, effects: Sequence[Effect], fmu_sha256: str, noise: str) -> tuple[Verdicts, str]:
-    """How a system's evidence becomes an answer, and, where that was worked out on something else, what ("" if not).
-
-    It is the file beside the system's description, if that is of this system; otherwise that of the default system.
-
-    Parameters
-    ----------
-    effects
-        All candidates of the system.
-    noise
-        The preset that a recording is diagnosed with.
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read.
-    """
-    path = system.path.parent / FILE_NAME
-    why = f"{FILE_NAME} is missing beside {system.path.name}"
-    if path.is_file():
-        found = read_verdicts(path)
-        others = {
-            "version of the description": (found.system_hash, system.hash()),
-            "version of the FMU": (found.fmu_sha256, fmu_sha256),
-            "choice of candidates": (found.candidates_sha256, candidates_sha256(effects)),
-            "noise preset": (found.noise, noise),
-        }
-        differing = [what for what, (of_file, here) in others.items() if of_file != here]
-        if differing != ["version of the description"] or found.system == system.name:
-            return found, f"{FILE_NAME} is of another {', '.join(differing)}" if differing else ""
-        why = f"{FILE_NAME} is of {found.system}"
-    return read_verdicts(shipped_systems()[USUAL] / FILE_NAME), why
-
-
-def read_verdicts(path: Path) -> Verdicts:
-    """Read ``verdict.json``.
-
-    Raises
-    ------
-    RecordingError
-        If it is no such file.
-    """
-    expected = "a file of `diagnosis farm`"
-    return validated(Verdicts, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)
 
 
 def condition(evidence: Evidence) -> str:

@@ -249,8 +249,12 @@ MAPPING: tuple[Part, ...] = (
 
 COMMANDS_HEAD = """# The commands
 
-Every command and every option. What all have in common, and what they return: [long runs and exit
-codes](../running.md).
+Every command and every option. Exit codes, and how to stop and resume: [long runs](../running.md). Each command that
+takes time has these, too:
+
+* `--quiet`: Only warnings and errors; no progress bar.
+* `--verbose`: Every step, as a line on standard error.
+* `--log PATH`: Append every step to this file, one JSON object a line.
 """
 EXAMPLES = {
     "datagen describe": "mine.fmu --out system.toml",
@@ -389,6 +393,7 @@ def _commands(app: Any) -> str:
         text = app.generate_docs(output_format="markdown", heading_level=2)
     text = re.sub(r"## Table of Contents\n.*?(?=\n\*\*|\n#)", "", text, flags=re.DOTALL)
     text = re.sub(r"\*\*Commands\*\*:\n\n(\* .*\n)+", "", text)
+    text = re.sub(r"\*\*Reporting\*\*:\n\n(\* .*\n)+", "", text)  # the head of the page says them once
     text = text.replace("```console\n", "```text\n")
     text = re.sub(r"\n {4}(?=\S)", " ", text)  # an item is one line
     for name, words in EXAMPLES.items():

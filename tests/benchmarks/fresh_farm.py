@@ -18,8 +18,9 @@ import numpy as np
 from diagnosis.farming.calibration import OUTSIDE
 from diagnosis.farming.rows import Row, read_row
 from diagnosis.fitting.fit import doubted_sd
-from diagnosis.gap.verdict import Decision, decide, read_verdicts
+from diagnosis.gap.verdict import Decision, decide
 from diagnosis.usual import HALF_WIDTH
+from diagnosis.verdicts import read_verdicts
 from shared.errors import RecordingError
 from shared.metrics import wilson
 from shared.reading import read_json
@@ -70,10 +71,10 @@ def holds_first(row: Row, done: Decision) -> bool:
     return any(name in row.true for name in done.sets[0])
 
 
-def intervals(rows: Sequence[Row]) -> None:
+def intervals(rows: Sequence[Row], doubt: float) -> None:
     right = [row for row in rows if set(row.evidence.chosen) == set(row.true) and row.stratum not in OUTSIDE]
     errors = np.array([row.errors for row in right])
-    covers = np.abs(errors[..., 0]) <= HALF_WIDTH * doubted_sd(errors[..., 1])
+    covers = np.abs(errors[..., 0]) <= HALF_WIDTH * doubted_sd(errors[..., 1], doubt)
     drawn = np.random.default_rng(0).integers(len(right), size=(2000, len(right)))
     low, high = np.quantile(covers[drawn].mean(axis=(1, 2)), [0.025, 0.975])
     what = "90 % intervals of parameters that cover, where the cause was found"
@@ -96,7 +97,7 @@ def main() -> None:
     print(f"processor time {np.median(cpu):.0f} s in the median, {max(cpu):.0f} s at most\n")
     print("| figure | value | said |\n|---|---|---|")
     answers([(row, decide(row.evidence, by)) for row in rows])
-    intervals(rows)
+    intervals(rows, by.doubt)
 
 
 if __name__ == "__main__":

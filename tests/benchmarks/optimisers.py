@@ -6,7 +6,7 @@ All minimise the same misfit and are traced: how low it has come, after how many
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -25,14 +25,19 @@ class Spent(Exception):
 
 
 class Counted(InProcess):
-    """Simulations in this process, and how many there were."""
+    """Simulations in this process, how many there were, and who is shown each."""
 
     count = 0
+    shown: Callable[[Run, Outcome], object] = staticmethod(lambda run, outcome: None)
 
     def map(self, runs: Sequence[Run]) -> list[Outcome]:
         """See :class:`diagnosis.fitting.simulations.Runner`."""
-        self.count += len(runs)
-        return super().map(runs)
+        made = []
+        for run in runs:
+            self.count += 1
+            made += super().map([run])
+            self.shown(run, made[-1])
+        return made
 
 
 @dataclass
@@ -73,18 +78,17 @@ class Trace:
 
 def local(trace: Trace, start: np.ndarray) -> None:
     """This package's fit from a start."""
-    problem = trace.problem
-    plain, trace.began = problem.residuals, time.process_time() - trace.spent
+    problem, trace.began = trace.problem, time.process_time() - trace.spent
 
-    def watched(z: np.ndarray, around: object = None) -> np.ndarray:
-        made = plain(z, around)  # type: ignore[arg-type]
-        trace.note(z, 0.5 * float(made @ made + z @ z))
-        return made
+    def shown(run: Run, outcome: Outcome) -> None:
+        if not isinstance(outcome, SimulationError):
+            residual = problem.standardised(problem.measured - outcome)
+            z = problem.unknowns({name: run.parameters[name] for name in problem.names})
+            trace.note(z, 0.5 * float(residual @ residual + z @ z))
 
-    problem.residuals = watched  # type: ignore[method-assign]
+    trace.counted.shown = shown
     with suppress(SimulationError):
         fit(problem, [("start", start)])
-    problem.residuals = plain  # type: ignore[method-assign]
     trace.spent = time.process_time() - trace.began
 
 

@@ -147,7 +147,7 @@ def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(
     assert inside
     problem = copy(calibrated.fit.problem)
     problem.replay = True
-    report = summarise(replace(calibrated.fit, problem=problem), {})
+    report = summarise(replace(calibrated.fit, problem=problem), {}, 1.5)
     said = " ".join(sentences(report))
     assert "Intervals are up to 1.5 times as wide" in said and "Actuators were replayed" in said
     said = " ".join(sentences(report.model_copy(update={"occupancy": "unknown"})))
@@ -201,7 +201,7 @@ def test_residuals_with_a_calibration_are_its_own_figures_and_carry_to_days_that
     assert start(app, words) == OK
     found = json.loads(capsys.readouterr().out)
     assert found["parameters"] == {one.name: one.value for one in report.parameters}
-    assert found["outputs"]["room"]["rmse"] == pytest.approx(report.outputs["room"].rmse, rel=0.02)
+    assert found["outputs"]["room"]["rmse"] == pytest.approx(report.outputs["room"].rmse, rel=2e-3)
     other = house_recorded(tmp_path, hours=48, seed=1)
     left = residuals(system, other, calibration=report, warm_up=WARM_UP).outputs["room"]["rmse"]
     assert left < 0.1  # of 0.05 K of noise
@@ -220,5 +220,4 @@ def test_persons_whom_nobody_counted_are_as_likely_in_residuals_as_in_the_calibr
     report = calibrate(house("me"), day, starts=1, warm_up=WARM_UP, replay=True).report
     found = residuals(house("me"), day, calibration=report, warm_up=WARM_UP, replay=True)
     assert found.assumed["N"] == "what the readings make most likely"
-    # within a tenth of the sensor's noise of 0.05 K
-    assert found.outputs["room"]["rmse"] == pytest.approx(report.outputs["room"].rmse, abs=0.005)
+    assert found.outputs["room"]["rmse"] == pytest.approx(report.outputs["room"].rmse, rel=0.05)

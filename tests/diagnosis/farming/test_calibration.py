@@ -8,13 +8,22 @@ import pytest
 from diagnosis.farming.calibration import COVER, calibrated, fitted
 from diagnosis.farming.rows import Row, Rows
 from diagnosis.gap.evidence import Evidence
-from diagnosis.gap.verdict import NONE, NOTHING, decide, probabilities
+from diagnosis.gap.verdict import decide, probabilities
+from diagnosis.verdicts import NONE, NOTHING
 from shared.errors import RecordingError
 
 NAMES = tuple(f"candidate.{k}" for k in range(6))
 HASHES = ("system_hash", "fmu_sha256", "uncertain_sha256", "candidates_sha256")
 ABOUT = dict.fromkeys(HASHES, "-") | {"system": "room", "version": "0", "hours": 168.0, "noise": "sensor", "seed": 3}
 TRUE = {"nothing": {"one": 1.0, "best": -0.5, "gap": -1.5}, "none": {"one": -1.0, "left": 0.6}, "power": 0.4}
+
+
+def estimates(rng):
+    """Errors of fits that take readings with an error of 0.2 prior standard deviations for twice as good."""
+    true = rng.standard_normal(8)
+    told = 1 / 0.1**2
+    made = (true + 0.2 * rng.standard_normal(8)) * told / (1 + told)
+    return tuple((float(one), (1 + told) ** -0.5) for one in made - true)
 
 
 def rows(count, seed):
@@ -40,7 +49,7 @@ def rows(count, seed):
         what = rng.choice(["none", "outside", *chance.causes], p=[chance.nothing, chance.none, *chance.causes.values()])
         stratum = str(what) if what in ("none", "outside") else "listed"
         true = () if what in ("none", "outside") else (str(what),)
-        made.append(Row(index, stratum, true, "", 1.0, evidence, (), 1.0, 1))
+        made.append(Row(index, stratum, true, "", 1.0, evidence, estimates(rng), 1.0, 1))
     return tuple(made)
 
 
@@ -79,6 +88,10 @@ def test_limits_hold_on_rows_that_took_no_part(by):
     assert np.mean(held) > COVER - 0.05
     named = [any(name in row.true for name in one.named) for one, row in done if one.named]
     assert by.answers.named.true == pytest.approx(np.mean(named), abs=2 / np.sqrt(by.answers.named.count))
+
+
+def test_fits_that_are_twice_as_sure_as_they_should_be_are_doubted_by_two(by):
+    assert by.doubt == pytest.approx(2.0, rel=0.05)
 
 
 def test_what_is_said_is_what_is_true_bin_by_bin(by):

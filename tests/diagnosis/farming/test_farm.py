@@ -11,7 +11,7 @@ import pytest
 from diagnosis.cli import app
 from diagnosis.farming import farm as farming
 from diagnosis.farming.farm import farm
-from diagnosis.gap.verdict import FILE_NAME, read_verdicts
+from diagnosis.verdicts import FILE_NAME, read_verdicts
 from shared.console import OK, PARTLY, start
 from shared.errors import RecordingError, SimulationError
 from tests.diagnosis.farming.test_calibration import rows

@@ -1,7 +1,7 @@
 """Reports that hold as much as a sentence needs."""
 
 from diagnosis.gap.schema import CalibratedBy, Detectability, NamedEffect, ParameterOf, Place, Report, SourceOf, StageOf
-from diagnosis.gap.verdict import Answers, Count
+from diagnosis.verdicts import Answers, Count
 
 
 def seen(**smallest):

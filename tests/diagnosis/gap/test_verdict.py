@@ -8,17 +8,8 @@ import pytest
 
 from diagnosis.effects import library
 from diagnosis.gap.evidence import Evidence
-from diagnosis.gap.verdict import (
-    FILE_NAME,
-    Answers,
-    Count,
-    Verdicts,
-    candidates_sha256,
-    decide,
-    probabilities,
-    read_verdicts,
-    verdicts_of,
-)
+from diagnosis.gap.verdict import decide, probabilities
+from diagnosis.verdicts import FILE_NAME, Answers, Count, Verdicts, candidates_sha256, read_verdicts, verdicts_of
 from shared.errors import RecordingError
 from shared.shipped import shipped_systems
 
@@ -46,6 +37,7 @@ BY = Verdicts(
     second=0.6,
     held={"all": 0.2},
     cover=0.9,
+    doubt=1.5,
     reliability=[WORTH],
     answers=Answers(alarms=WORTH, named=WORTH, outside=WORTH),
 )
