@@ -154,7 +154,7 @@ def read_verdicts(path: Path) -> Verdicts:
     RecordingError
         If it is no such file.
     """
-    expected = "a file of `diagnosis farm`"
+    expected = "what `diagnosis farm` of this version writes"
     return validated(Verdicts, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,36 +21,21 @@ from resumed import depends, resumed
 
 from datagen import simulate
 from diagnosis.calibrating.calibration import calibrate
-from diagnosis.recording import Recording, read_recording
 from diagnosis.usual import HALF_WIDTH
 from shared.errors import ZeroshotError
 from shared.metrics import r2
-from shared.system import System, load_system
+from shared.system import load_system
 from trainer.intervals import r2_interval, share_interval
 
 KINDS = {"counted, warm": ("measured", True), "counted, cold": ("measured", False), "not counted": ("unknown", True)}
-
-
-def noisy(record: Recording, system: System, rng: np.random.Generator, preset: str = "sensor") -> Recording:
-    """A recording as the sensors of a preset show it: noise, rounding, lost readings."""
-    shown = record.outputs.copy()
-    for k, output in enumerate(system.outputs):
-        sensor = output.noise[preset]
-        shown[k] += sensor.sd * rng.standard_normal(shown.shape[1])
-        shown[k] = np.round(shown[k] / sensor.quantum) * sensor.quantum if sensor.quantum else shown[k]
-        shown[k, rng.random(shown.shape[1]) < sensor.dropout] = np.nan
-    return replace(record, outputs=shown)
 
 
 def made(case: dict[str, Any]) -> dict[str, Any]:
     """One room: its parameters, the estimate, and the calibrations."""
     hours, seed, index = case["hours"], case["seed"], case["index"]
     system = load_system(case["system"]).with_experiment(hours=hours, start=(0.0, 8760.0 - hours))
-    path = Path(case["folder"]) / f"room-{seed}-{index}.nc"
-    data = simulate(system, seed=seed, index=index, uncertain=True, out=path)
-    record = noisy(read_recording(path, system), system, np.random.default_rng([seed, index]))
-    path.unlink()
-    truth = {name: float(data[name]) for name in system.parameter_names}
+    record = simulate(system, seed=seed, index=index, uncertain=True, noise="sensor")
+    truth = {name: float(record[name]) for name in system.parameter_names}
     found: dict[str, Any] = {"truth": [*truth.values()]}
     for kind, (occupancy, warm) in KINDS.items():
         began = time.process_time()
@@ -140,12 +124,13 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     run = options.run or options.system
-    common = {"system": options.system, "run": run, "folder": str(options.out), "hours": options.hours}
+    common = {"system": options.system, "run": run, "hours": options.hours}
     cases = [{**common, "seed": options.seed, "index": index} for index in range(options.systems)]
     rows = resumed(
         options.out / "cases.jsonl", cases, made, of=depends(options.system, run=run), workers=options.workers
     )
     good = [row for row in rows if "error" not in row]
+    print("\n".join(row["error"] for row in rows if "error" in row))
     print(f"\n{len(good)} of {len(rows)} rooms, {options.hours:g} h, root seed {options.seed}")
     accuracy(good, load_system(options.system).parameter_names)
     effort(good)
