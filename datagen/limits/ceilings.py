@@ -144,7 +144,15 @@ def check_conditions(
 def posterior_variance(
     system: System, window: Window, state_covariance: np.ndarray, noise: str, channels: list[str]
 ) -> np.ndarray:
-    """Posterior variance of each standardised parameter, shape (parameters,); 1 is the prior.
+    """Posterior variance of each standardised parameter, shape (parameters,); 1 is the prior."""
+    told = information(system, window, state_covariance, noise, channels)
+    return np.diag(np.linalg.inv(np.eye(len(told)) + told))
+
+
+def information(
+    system: System, window: Window, state_covariance: np.ndarray, noise: str, channels: list[str]
+) -> np.ndarray:
+    """What a window tells of the standardised parameters beside their prior, shape (parameters, parameters).
 
     ``state_covariance`` (states, states) is the prior of the start. Persons are unknown unless one of the channels
     counts them: then they are known as means over the steps.
@@ -168,8 +176,7 @@ def posterior_variance(
             persons = given_means(persons, window.occupancy_steps)
         by_occupancy = flat(window.occupancy)
         covariance += by_occupancy @ persons @ by_occupancy.T
-    information = by_parameter.T @ cho_solve(cho_factor(covariance, lower=True), by_parameter)
-    return np.diag(np.linalg.inv(np.eye(len(information)) + information))
+    return np.asarray(by_parameter.T @ cho_solve(cho_factor(covariance, lower=True), by_parameter))
 
 
 def given_means(covariance: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -1,17 +1,13 @@
 """From evidence to probabilities and an answer."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from diagnosis.effects import library
 from diagnosis.gap.evidence import Evidence
 from diagnosis.gap.verdict import decide, probabilities
-from diagnosis.verdicts import FILE_NAME, Answers, Count, Verdicts, candidates_sha256, read_verdicts, verdicts_of
-from shared.errors import RecordingError
-from shared.shipped import shipped_systems
+from tests.diagnosis.verdict_cases import BY
 
 QUIET = Evidence(
     **{"replay": False, "counted": True, "converged": True, "gap": False, "searched": True, "rejected": False},
@@ -20,27 +16,6 @@ QUIET = Evidence(
     **{"chosen": (), "before": 0.0, "left": 0.0},
 )
 LOUD = replace(QUIET, gap=True, candidates={"one": 50.0, "two": 48.0, "three": 1.0}, chosen=("one",), before=60.0)
-WORTH = Count(what="answers", low=0, high=1, count=10, said=0.9, true=0.8)
-HASHES = ("system_hash", "fmu_sha256", "uncertain_sha256", "candidates_sha256")
-BY = Verdicts(
-    **dict.fromkeys(HASHES, "-"),
-    system="room",
-    version="0",
-    made="2026-01-01",
-    hours=168.0,
-    noise="sensor",
-    seed=1,
-    strata={"none": 40, "listed": 60},
-    nothing={"one": 3.0, "gap": -2.0, "best": -1.0},
-    none={"one": -1.0, "left": 1.0, "rejected": 1.0},
-    power=0.5,
-    second=0.6,
-    held={"all": 0.2},
-    cover=0.9,
-    doubt=1.5,
-    reliability=[WORTH],
-    answers=Answers(alarms=WORTH, named=WORTH, outside=WORTH),
-)
 
 
 def whole(done):
@@ -160,39 +135,3 @@ def test_of_two_effects_the_second_is_as_sure_as_such_seconds_were():
     wide = BY.model_copy(update={"held": {"all": 0.02}})
     assert decide(replace(both, beside={"two": 2.0} | nothing), wide).sets[1] == ("two",)
     whole(decide(replace(both, candidates={"one": 0.1}), BY))  # no gap: nothing of a second
-
-
-def test_a_system_without_a_file_of_its_own_is_told_whose_probabilities_it_gets(default_system, tmp_path):
-    folder = tmp_path / "house"
-    folder.mkdir()
-    moved = default_system.model_copy(update={"path": folder / "system.toml"})
-    effects = library(default_system)
-    shipped = read_verdicts(shipped_systems()["MixedAirCO2"] / FILE_NAME)
-    assert verdicts_of(default_system, effects, shipped.fmu_sha256, "sensor") == (shipped, "")
-    found, why = verdicts_of(moved, effects, "-", "sensor")
-    assert found == shipped
-    assert "verdict.json is missing" in why
-    (folder / FILE_NAME).write_text(BY.model_dump_json(), encoding="utf-8")
-    assert verdicts_of(moved, effects, "-", "sensor") == (
-        BY,
-        "verdict.json is of another version of the description, choice of candidates",
-    )
-    other = BY.model_copy(update={"system_hash": moved.hash(), "candidates_sha256": candidates_sha256(effects)})
-    (folder / FILE_NAME).write_text(other.model_dump_json(), encoding="utf-8")
-    assert verdicts_of(moved, effects, "-", "sensor") == (other, "")
-    assert "FMU, noise preset" in verdicts_of(moved, effects, "+", "clean")[1]
-
-
-def test_a_file_of_something_else_is_refused_by_its_name(tmp_path):
-    path = tmp_path / FILE_NAME
-    path.write_text(json.dumps(BY.model_dump(mode="json") | {"power": -1.0}), encoding="utf-8")
-    with pytest.raises(RecordingError, match=r"verdict\.json: power.*diagnosis farm"):
-        read_verdicts(path)
-
-
-def test_the_shipped_verdict_is_of_the_shipped_system_and_says_what_it_was_worked_out_on(default_system):
-    found = read_verdicts(default_system.path.parent / FILE_NAME)
-    assert found.system_hash == default_system.hash()
-    assert found.strata["none"] >= 25
-    assert found.recordings > found.strata["none"]
-    assert found.answers.alarms.count == found.strata["none"]
