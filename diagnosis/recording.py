@@ -36,6 +36,7 @@ class Recording:
     units of the system description, NaN where nothing was measured; ``inputs`` by name, each (steps,). ``zero`` is the
     date from which time runs: that of simulated years if the recording names none. ``assumed`` says of inputs that an
     import filled in altogether what stands in for them; ``computed`` says of those that it worked out of others how.
+    ``given`` are the description's given facts that it brings, by name [unit of the description].
     ``data`` is the whole Dataset that it was taken from, where that was in memory and not in the file at ``path``.
     """
 
@@ -47,6 +48,7 @@ class Recording:
     zero: np.datetime64 = ZERO
     assumed: dict[str, str] = field(default_factory=dict)
     computed: dict[str, str] = field(default_factory=dict)
+    given: dict[str, float] = field(default_factory=dict)
     data: xr.Dataset | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -198,7 +200,24 @@ def read_recording(
     comments = {name: str(data[name].attrs.get("comment", "assumed")) for name in inputs}
     assumed = {name: what for name, what in comments.items() if _flags(cut, name, ASSUMED).all()}
     computed = {name: what for name, what in comments.items() if _flags(cut, name, COMPUTED).any()}
-    return Recording(path, step, time, outputs, inputs, zero, assumed, computed, whole)
+    return Recording(path, step, time, outputs, inputs, zero, assumed, computed, _given(path, data, system), whole)
+
+
+def _given(path: Path, data: xr.Dataset, system: System) -> dict[str, float]:
+    """The given facts of a building that a recording brings, by name [unit of the description]."""
+    found = {}
+    for one in system.given:
+        fact = data.get(one.name)
+        if fact is None or fact.attrs.get("role") != "given":
+            continue
+        unit = fact.attrs.get("units")
+        if fact.dims or unit != one.unit or not np.isfinite(fact.item()):
+            raise RecordingError(
+                f"{path}: given fact {one.name!r} is {shown(fact.values.tolist())} in {shown(unit)}; expected one"
+                f" number in {one.unit!r}"
+            )
+        found[one.name] = float(fact)
+    return found
 
 
 def _exact(time: np.ndarray) -> tuple[float, np.ndarray]:

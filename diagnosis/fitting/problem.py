@@ -15,6 +15,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from datagen.driving.sampling import fmu_values
 from datagen.simulating.constants import constants
 from datagen.simulating.simulator import Simulator
 from diagnosis.effects.base import Effect
@@ -97,7 +98,9 @@ class Problem:
         if "history" in known:
             self.nuisance = self.nuisance.only(self.nuisance.recorded)
         tolerance = min(TOLERANCE, system.experiment.tolerance)
-        self._runs = Runs(self.drive, stand_ins, recording, replay=replay, tolerance=tolerance)
+        starts = {name: float(simulator.fmu.variables[name].start) for one in system.given for name in one.parameters}
+        facts = fmu_values(system, recording.given, starts)
+        self._runs = Runs(self.drive, stand_ins, recording, facts, replay=replay, tolerance=tolerance)
         self.observed = np.isfinite(recording.outputs)
         for name in self.drive.replayed:
             if name in system.output_names:

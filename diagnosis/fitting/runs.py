@@ -171,12 +171,21 @@ class Runs:
         The inputs.
     stand_ins
         Signals in place of those of inputs that the nuisance describes.
+    facts
+        FMU parameters that given facts of the building set, by name [unit of each].
     """
 
     def __init__(
-        self, driven: Drive, stand_ins: Signals, recording: Recording, *, replay: bool, tolerance: float
+        self,
+        driven: Drive,
+        stand_ins: Signals,
+        recording: Recording,
+        facts: Mapping[str, float],
+        *,
+        replay: bool,
+        tolerance: float,
     ) -> None:
-        self._drive, self._recording = driven, recording
+        self._drive, self._recording, self._facts = driven, recording, facts
         # inputs in the order of the description
         self._signals = {name: {**driven.signals, **stand_ins}[name] for name in driven.signals}
         self._replay, self._tolerance = replay, tolerance
@@ -192,7 +201,7 @@ class Runs:
             persons = {driving.names[one.column]: _held(driving, one.column) for one in nuisance.levels}
         changed = self._changed(unknown.effects, unknown.amplitudes(z), persons)
         return Run(
-            unknown.parameters(z),
+            {**self._facts, **unknown.parameters(z)},
             self._driving(changed, nuisance, levels, heights),
             start=self._drive.begin,
             stop=self._drive.stop,

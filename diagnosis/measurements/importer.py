@@ -250,7 +250,8 @@ def import_recording(
         "source_sha256": ", ".join(map(sha256_of, given[1::2])),
         "comment": " ".join(one.description for one in settings if one.description),
     }
-    dataset = build_recording(series, time, clock, described, attributes)
+    facts = {name: value for one in settings for name, value in one.given.items()}
+    dataset = build_recording(series, time, clock, described, attributes, facts)
     begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
     picture = draw_recording(
         series, time, clock, f"{out.name}: {begin} to {end}, steps of {composer.step:g} s", stretches

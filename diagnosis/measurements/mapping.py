@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, FiniteFloat, ValidationError, field_validator, model_validator
 
 from datagen.driving.weather import UNITS as WEATHER_UNITS
 from diagnosis.measurements.units import convert
@@ -189,6 +189,9 @@ class Mapping(Table):
     defaults: Defaults = Defaults()
     variables: dict[str, Source] = Field({}, validate_default=True)
     weather: dict[Annotated[str, AfterValidator(_of_the_weather)], Source] = {}
+    given: dict[str, FiniteFloat] = Field(
+        {}, description="facts of the building, by the names of the description's [[given]] [its unit]"
+    )
     path: Path = Path()
 
     @field_validator("variables")
@@ -262,10 +265,17 @@ def check_against(mappings: Sequence[Mapping], system: System) -> None:
     system, and what two mappings bring.
     """
     wanted = {one.name: one.unit for one in [*system.outputs, *system.inputs]}
+    facts = [one.name for one in system.given]
     brought: dict[str, Path] = {}
     refused = []
     for mapping in mappings:
         wrong = []
+        for name in mapping.given:
+            if name not in facts:
+                found = ", ".join(facts) or "none"
+                wrong.append(f"given: {name!r} is no given fact of {system.name}; found {found}{meant(name, facts)}")
+            elif (before := brought.setdefault(f"given.{name}", mapping.path)) != mapping.path:
+                wrong.append(f"given.{name}: is in {before}, too; expected it in one of them")
         sources = [("variables", name, source, wanted.get(name)) for name, source in mapping.variables.items()]
         sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
         for table, name, source, unit in sources:

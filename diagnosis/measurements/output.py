@@ -448,9 +448,17 @@ def print_report(report: ImportReport, console: Console) -> None:
 
 
 def build_recording(
-    series: Sequence[Series], time: np.ndarray, clock: Clock, system: System, attributes: Mapping[str, str]
+    series: Sequence[Series],
+    time: np.ndarray,
+    clock: Clock,
+    system: System,
+    attributes: Mapping[str, str],
+    given: Mapping[str, float],
 ) -> xr.Dataset:
-    """Put the series into a dataset as recordings have it; ``time`` are ends of steps (steps,) [s of the clock]."""
+    """Put the series and the given facts [unit of each] into a dataset as recordings have it.
+
+    ``time`` are ends of steps (steps,) [s of the clock].
+    """
     step = float(time[1] - time[0])
     variables: dict[str, Any] = {"time_bnds": (("time", "bnds"), np.stack([time - step, time], axis=1))}
     described = {one.name: one for one in system.outputs}
@@ -480,6 +488,10 @@ def build_recording(
             "flag_meanings": " ".join(FLAGS),
         }
         variables[flag] = (("time",), one.flagged(), flags)
+    for fact in system.given:
+        if fact.name in given:
+            attrs = {"long_name": fact.description or fact.name, "units": fact.unit, "role": "given"}
+            variables[fact.name] = ((), given[fact.name], attrs)
     about = {
         "long_name": "end of the step, local standard time",
         "standard_name": "time",

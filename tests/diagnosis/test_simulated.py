@@ -14,6 +14,7 @@ from diagnosis.fitting.simulations import InProcess
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError
+from shared.given import Given
 
 HOURS = 168.0
 
@@ -39,6 +40,22 @@ def test_the_true_model_leaves_little(recording, truth, default_system):
     assert found["CO2"]["rmse"] < 40
     wrong = residuals(default_system, recording, parameters={**truth, "roo.AFlo": truth["roo.AFlo"] * 0.4}).outputs
     assert wrong["TRoo"]["rmse"] > 2 * found["TRoo"]["rmse"]
+
+
+def test_given_facts_that_a_recording_brings_are_those_of_the_room(default_system):
+    """A room with a large window: as the recording says, as the FMU has it, and in a unit that nobody asked for."""
+    share = Given(name="window.share", unit="1", min=0.75, max=0.8, parameters=["fraWin"])
+    system = default_system.model_copy(update={"given": [share]})
+    data = simulate(system, hours=48.0, seed=9)
+    true = {name: float(data[name]) for name in system.parameter_names}
+    found = residuals(system, data, parameters=true)
+    assert "window.share" not in found.assumed
+    other = residuals(system, data.drop_vars("window.share"), parameters=true)
+    assert other.assumed["window.share"] == "not given by the recording, so the FMU's own"
+    assert other.outputs["TRoo"]["rmse"] > 2 * found.outputs["TRoo"]["rmse"]
+    data["window.share"].attrs["units"] = "percent"
+    with pytest.raises(RecordingError, match=r"'window.share' is .* in 'percent'; expected one number in '1'"):
+        residuals(system, data, parameters=true)
 
 
 def test_replay_of_a_record_as_it_was_written_leaves_little(recording, truth, default_system):

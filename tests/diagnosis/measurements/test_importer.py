@@ -10,7 +10,11 @@ import pytest
 import xarray as xr
 from matplotlib.image import imread
 
+from diagnosis.measurements.importer import import_recording
+from diagnosis.recording import read_recording
+from shared.errors import RecordingError
 from shared.schema import ASSUMED, COMPUTED, EPOCH, IMPOSSIBLE, INTERPOLATED, MISSING, PARTLY, STUCK
+from shared.system import load_system
 from tests.diagnosis.measurements.house_cases import MAPPING, measured, warmth
 
 
@@ -205,3 +209,15 @@ def test_a_logger_that_writes_a_row_for_each_sensor_loses_none(house):
     report = house(apart, out="apart.nc")
     xr.testing.assert_equal(xr.load_dataset(report.recording), whole)
     assert any("the first reading of each column is used" in note for note in report.notes)
+
+
+def test_facts_of_the_building_come_along_by_the_names_of_the_description(tmp_path):
+    example = Path(__file__).resolve().parents[3] / "docs" / "example"
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text((example / "mapping.toml").read_text() + '\n[given]\n"window.share" = 0.3\n')
+    more = {"system": "Room", "out": tmp_path / "room.nc"}
+    import_recording(mapping, example / "measurements.csv", **more)
+    assert read_recording(tmp_path / "room.nc", load_system("Room")).given == {"window.share": 0.3}
+    mapping.write_text(mapping.read_text().replace("window.share", "window.shade"))
+    with pytest.raises(RecordingError, match=r"given: 'window.shade' is no given fact of Room; found .*window\.share"):
+        import_recording(mapping, example / "measurements.csv", **more)
