@@ -441,8 +441,8 @@ def drive(
         elif not isinstance(one, WeatherInput):  # which are recorded: see above
             signals[one.name] = Piecewise.constant(one.value)
             assumed.setdefault(one.name, f"{one.value:g} {one.unit} of the description")
-    if lacking := [one.name for one in system.given if one.parameters and one.name not in recording.given]:
-        assumed[", ".join(lacking)] = "not given by the recording, so the FMU's own"
+    if unknown := [one.name for one in system.given if one.parameters and one.name not in recording.given]:
+        assumed[", ".join(unknown)] = "not given by the recording, so the FMU's own"
     return Drive(signals, assumed, tuple(replayed), begin, recording.start, recording.stop, doubted)
 
 

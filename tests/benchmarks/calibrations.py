@@ -34,13 +34,16 @@ def made(case: dict[str, Any]) -> dict[str, Any]:
     """One room: its parameters, the estimate, and the calibrations."""
     hours, seed, index = case["hours"], case["seed"], case["index"]
     system = load_system(case["system"]).with_experiment(hours=hours, start=(0.0, 8760.0 - hours))
+    replay = case["replay"]
     record = simulate(system, seed=seed, index=index, uncertain=True, noise="sensor")
     truth = {name: float(record[name]) for name in system.parameter_names}
     found: dict[str, Any] = {"truth": [*truth.values()]}
     for kind, (occupancy, warm) in KINDS.items():
         began = time.process_time()
         try:
-            done = calibrate(system, record, run=case["run"] if warm else None, occupancy=occupancy, starts=1)
+            done = calibrate(
+                system, record, run=case["run"] if warm else None, occupancy=occupancy, replay=replay, starts=1
+            )
         except ZeroshotError as error:
             return {"error": f"{kind}: {error}"}
         told, count = done.report.parameters, len(truth)
@@ -119,12 +122,13 @@ def main() -> None:
     parser.add_argument("--systems", type=int, default=50)
     parser.add_argument("--hours", type=float, default=168.0)
     parser.add_argument("--seed", type=int, required=True, help="root seed")
+    parser.add_argument("--replay", action="store_true", help="actuators as they were measured")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("calibrations"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     run = options.run or options.system
-    common = {"system": options.system, "run": run, "hours": options.hours}
+    common = {"system": options.system, "run": run, "replay": options.replay, "hours": options.hours}
     cases = [{**common, "seed": options.seed, "index": index} for index in range(options.systems)]
     rows = resumed(
         options.out / "cases.jsonl", cases, made, of=depends(options.system, run=run), workers=options.workers
