@@ -190,7 +190,7 @@ class Mapping(Table):
     variables: dict[str, Source] = Field({}, validate_default=True)
     weather: dict[Annotated[str, AfterValidator(_of_the_weather)], Source] = {}
     given: dict[str, FiniteFloat] = Field(
-        {}, description="facts of the building, by the names of the description's [[given]] [its unit]"
+        {}, description="facts of the building, by the names of the description's `[[given]]`, each in its unit"
     )
     path: Path = Path()
 

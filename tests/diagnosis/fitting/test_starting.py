@@ -5,7 +5,7 @@ import pytest
 
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
-from diagnosis.fitting.grams import Grams
+from diagnosis.fitting.grams import Grams, estimated_colours
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.refit import FAR, base_from, line_at, refit
 from diagnosis.fitting.starting import begun, usual_starts, zero_shot
@@ -41,9 +41,8 @@ def test_the_estimator_beside_the_description_is_asked_first(problem, monkeypatc
     plain = begun(problem, usual_starts(problem, asked(problem)))
     assert plain.name == "prior"
     # candidates begin where the base model has come near, not where it began: in the middle of the prior
-    led = refit(
-        Grams(plain.line, problem.observed), {k: (sd, 0.0, 1.0) for k, sd in enumerate(problem.floor)}, plain.line.z, ()
-    )
+    grams = Grams(plain.line, problem.observed)
+    led = refit(grams, estimated_colours(grams, problem.floor).best, plain.line.z, (), redrawn=False)
     assert np.sqrt(np.mean(((led.lin.z - plain.line.z) / led.sd) ** 2)) < FAR and plain.line.z.any()
 
 

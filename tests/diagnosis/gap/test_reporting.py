@@ -32,6 +32,7 @@ def told(refits, sets, named, settled=None):
     found = _effects(
         SimpleNamespace(refits=refits, settled=settled or [one[0] for one in refits], stages=[stage]),
         decision,
+        1.5,
     )
     return {one.name: one for one in found}
 
@@ -75,7 +76,7 @@ def test_an_amplitude_is_on_a_bound_within_a_hundredth_of_its_range(bounds, at, 
     one = fitted(one=at)
     low, high = (np.array([-9.0, -9.0, bounds[0]]), np.array([9.0, 9.0, bounds[1]]))
     one.lin.problem.bounds = (low, high)
-    assert _amplitude(one, "one")[2] is told
+    assert _amplitude(one, "one", 1.5)[2] is told
 
 
 def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wider_than_the_prior():
@@ -84,7 +85,7 @@ def test_an_interval_of_a_parameter_is_wider_than_the_recording_says_but_no_wide
     posterior = 1 / np.sqrt(1 + readings**-2)
     lin = SimpleNamespace(problem=SimpleNamespace(values=lambda z: z), z=np.zeros(4))
     fit = SimpleNamespace(lin=lin, sd=posterior, grams=SimpleNamespace(spread=np.ones(4)))
-    low, value, high = _values(fit)
+    low, value, high = _values(fit, 1.5)
     expected = 1.645 / np.sqrt(1 + (1.5 * readings) ** -2)
     np.testing.assert_allclose(high, expected, rtol=1e-9)
     np.testing.assert_allclose(low, -expected, rtol=1e-9)

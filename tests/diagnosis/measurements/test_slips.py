@@ -82,7 +82,7 @@ def test_rows_twice_with_other_readings_say_how_unlike_they_are(house):
     [
         (
             MAPPING.replace("[variables.gas]", "[variable.gas]"),
-            r"variable: unknown field .*expected one of schema_version, system, .*, variables, weather; did you mean"
+            r"variable: unknown field .*expected one of schema_version, system, .*, weather, given; did you mean"
             r" variables\?",
         ),
         (
