@@ -227,8 +227,11 @@ def import_recording(
         raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
     clock = make_clock(measurements.zone, find_zone(measurements.zone, str(settings[0].path)), measurements.utc[0])
     edges = _edges(described, settings[0], read, clock, ahead)
-    composers = [Composer(described, *one, clock, edges) for one in zip(settings, read, strict=True)]
+    facts = {name: value for one in settings for name, value in one.given.items()}
+    facing = _facing(described, facts)
+    composers = [Composer(facing, *one, clock, edges) for one in zip(settings, read, strict=True)]
     composer = composers[0]
+    composer.notes.extend(_beyond(described, facts))
     for one in composers[1:]:
         composer.notes.extend(_about_further(one))
     series, missing = _series(composers)
@@ -250,7 +253,6 @@ def import_recording(
         "source_sha256": ", ".join(map(sha256_of, given[1::2])),
         "comment": " ".join(one.description for one in settings if one.description),
     }
-    facts = {name: value for one in settings for name, value in one.given.items()}
     dataset = build_recording(series, time, clock, described, attributes, facts)
     begin, end = clock.text(time[0] - composer.step), clock.text(time[-1])
     picture = draw_recording(
@@ -295,6 +297,7 @@ def import_recording(
 def _system(mappings: Sequence[Mapping], given: System | Path | str | None) -> System:
     first = mappings[0]
     if isinstance(given, System):
+        check_against(mappings, given)
         return given
     if given is None and first.system is None:
         raise RecordingError(f"{first.path}: system is missing; expected the system description that is measured")
@@ -305,6 +308,24 @@ def _system(mappings: Sequence[Mapping], given: System | Path | str | None) -> S
     system = load_system(given)
     check_against(mappings, system)
     return system
+
+
+def _facing(system: System, facts: dict[str, float]) -> System:
+    """The system with the facade that looks where a given fact says: that is where the sun is computed."""
+    turned: dict[str, float] = {one.weather: facts[one.name] for one in system.given if one.name in facts and one.weather}
+    if system.weather is None or not turned:
+        return system
+    return system.model_copy(update={"weather": system.weather.model_copy(update=turned)})
+
+
+def _beyond(system: System, facts: dict[str, float]) -> list[str]:
+    """Sentences on facts that lie outside of the description's ranges."""
+    return [
+        f"given {one.name} is {facts[one.name]:g}, and the description has {one.min:g} to {one.max:g} {one.unit}: is its"
+        " unit right? No estimator was trained on it"
+        for one in system.given
+        if one.name in facts and not one.per and not one.min <= facts[one.name] <= one.max
+    ]
 
 
 def _edges(system: System, mapping: Mapping, read: Sequence[Measurements], clock: Clock, ahead: bool) -> np.ndarray:

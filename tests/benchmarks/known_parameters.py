@@ -1,10 +1,11 @@
-"""How much narrower the other parameters become where some are known: the linearised limit, which no estimate can pass.
+"""How much narrower the other parameters become where some are known, by the linearised limit.
 
     python tests/benchmarks/known_parameters.py MixedAirCO2 roo.AFlo roo.V --systems 10 --seed SEED
 
 A week of all outputs with the sensors' noise, weather and control known, occupants not counted, in random rooms whose
 uncertain constants are drawn. Printed: the median over rooms of each parameter's posterior standard deviation [of its
-prior], with nothing known and with those known, and of their ratio. Half of it is what ``--known`` was hoped to give.
+prior], with nothing known and with those known, and of their ratio. The limit takes occupants for
+Gaussian; as they are drawn, they tell more.
 """
 
 from __future__ import annotations

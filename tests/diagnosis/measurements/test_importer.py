@@ -218,6 +218,16 @@ def test_facts_of_the_building_come_along_by_the_names_of_the_description(tmp_pa
     more = {"system": "Room", "out": tmp_path / "room.nc"}
     import_recording(mapping, example / "measurements.csv", **more)
     assert read_recording(tmp_path / "room.nc", load_system("Room")).given == {"window.share": 0.3}
-    mapping.write_text(mapping.read_text().replace("window.share", "window.shade"))
+    text = mapping.read_text()
+    mapping.write_text(text + "azimuth = 90.0\n")
+    room = load_system("Room")
+    east = room.model_copy(update={"weather": room.weather.model_copy(update={"surface_azimuth": 90.0})})
+    import_recording(mapping, example / "measurements.csv", **more)
+    turned = xr.load_dataset(tmp_path / "room.nc")
+    mapping.write_text(text.replace("0.3", "30.0"))
+    report = import_recording(mapping, example / "measurements.csv", system=east, out=tmp_path / "east.nc")
+    np.testing.assert_array_equal(turned["HFac"], xr.load_dataset(tmp_path / "east.nc")["HFac"])
+    assert any("given window.share is 30, and the description has 0.05 to 0.8" in one for one in report.notes)
+    mapping.write_text(text.replace("window.share", "window.shade"))
     with pytest.raises(RecordingError, match=r"given: 'window.shade' is no given fact of Room; found .*window\.share"):
         import_recording(mapping, example / "measurements.csv", **more)
