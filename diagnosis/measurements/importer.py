@@ -312,7 +312,8 @@ def _system(mappings: Sequence[Mapping], given: System | Path | str | None) -> S
 
 def _facing(system: System, facts: dict[str, float]) -> System:
     """The system with the facade that looks where a given fact says: that is where the sun is computed."""
-    turned: dict[str, float] = {one.weather: facts[one.name] for one in system.given if one.name in facts and one.weather}
+    brought = [one for one in system.given if one.name in facts and one.weather]
+    turned: dict[str, float] = {one.weather: facts[one.name] for one in brought}
     if system.weather is None or not turned:
         return system
     return system.model_copy(update={"weather": system.weather.model_copy(update=turned)})
@@ -321,8 +322,8 @@ def _facing(system: System, facts: dict[str, float]) -> System:
 def _beyond(system: System, facts: dict[str, float]) -> list[str]:
     """Sentences on facts that lie outside of the description's ranges."""
     return [
-        f"given {one.name} is {facts[one.name]:g}, and the description has {one.min:g} to {one.max:g} {one.unit}: is its"
-        " unit right? No estimator was trained on it"
+        f"given {one.name} is {facts[one.name]:g}, and the description has {one.min:g} to {one.max:g} {one.unit}: is"
+        " its unit right? No estimator was trained on it"
         for one in system.given
         if one.name in facts and not one.per and not one.min <= facts[one.name] <= one.max
     ]
