@@ -19,7 +19,7 @@ from diagnosis.calibrating.given import check_given, check_unknowns, given_calib
 from diagnosis.calibrating.schema import Calibration
 from diagnosis.curves import curves, plot
 from diagnosis.fitting.likely import LOOKS, most_likely, pruned
-from diagnosis.fitting.lines import widened
+from diagnosis.fitting.lines import metered
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import InProcess, Outcome, Run
 from diagnosis.recording import HOUR, Recording
@@ -179,7 +179,7 @@ def _calibrated(
     )
     check_unknowns(report, path, problem)
     z = np.array(report.z)
-    fitted, _ = widened(*pruned(problem, problem.linearise(z)))
+    fitted, _ = metered(*pruned(problem, problem.linearise(z)))
     return problem, most_likely(fitted, z, LOOKS)[1]
 
 

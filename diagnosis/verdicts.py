@@ -129,19 +129,38 @@ def verdicts_of(system: System, effects: Sequence[Effect], fmu_sha256: str, nois
     RecordingError
         If a file cannot be read.
     """
+    found, why = _nearest(system)
+    if why:
+        return found, why
+    others = {
+        "version of the description": (found.system_hash, system.hash()),
+        "version of the FMU": (found.fmu_sha256, fmu_sha256),
+        "choice of candidates": (found.candidates_sha256, candidates_sha256(effects)),
+        "noise preset": (found.noise, noise),
+    }
+    differing = [what for what, (of_file, here) in others.items() if of_file != here]
+    return found, f"{FILE_NAME} is of another {', '.join(differing)}" if differing else ""
+
+
+def doubt_of(system: System) -> float:
+    """How much wider than a fit makes them intervals of a system must be; by the same file.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    return _nearest(system)[0].doubt
+
+
+def _nearest(system: System) -> tuple[Verdicts, str]:
+    """The file beside a system's description, if it is of that system, or the default system's, and why ("")."""
     path = system.path.parent / FILE_NAME
     why = f"{FILE_NAME} is missing beside {system.path.name}"
     if path.is_file():
         found = read_verdicts(path)
-        others = {
-            "version of the description": (found.system_hash, system.hash()),
-            "version of the FMU": (found.fmu_sha256, fmu_sha256),
-            "choice of candidates": (found.candidates_sha256, candidates_sha256(effects)),
-            "noise preset": (found.noise, noise),
-        }
-        differing = [what for what, (of_file, here) in others.items() if of_file != here]
-        if differing != ["version of the description"] or found.system == system.name:
-            return found, f"{FILE_NAME} is of another {', '.join(differing)}" if differing else ""
+        if system.name == found.system:
+            return found, ""
         why = f"{FILE_NAME} is of {found.system}"
     return read_verdicts(shipped_systems()[USUAL] / FILE_NAME), why
 
@@ -156,15 +175,3 @@ def read_verdicts(path: Path) -> Verdicts:
     """
     expected = "what `diagnosis farm` of this version writes"
     return validated(Verdicts, read_json(path, RecordingError, expected), f"{path}", RecordingError, expected)
-
-
-def doubt_of(system: System) -> float:
-    """How much wider than a fit makes them intervals of a system must be: of its own rooms, or the default room's.
-
-    Raises
-    ------
-    RecordingError
-        If its ``verdict.json`` cannot be read.
-    """
-    own = system.path.parent / FILE_NAME
-    return read_verdicts(own if own.is_file() else shipped_systems()[USUAL] / FILE_NAME).doubt

@@ -1,7 +1,9 @@
 """A fit of a recording: the most plausible unknowns, how sure they are, and the errors that are left.
 
-It is the base model's own fit (:func:`diagnosis.fitting.starting.begun`). What a room does beyond the model would be
-fitted away by its parameters if the sensors' noise were all that may be left. So the errors that are left are estimated
+It begins at the base model's fit on straight lines (:func:`diagnosis.fitting.starting.begun`) and goes to where the
+measurements are most plausible with the nuisance integrated out, its covariance following the unknowns
+(:mod:`diagnosis.fitting.determinant`). What a room does beyond the model would be fitted away by its parameters if the
+sensors' noise were all that may be left. So the errors that are left are estimated
 (:func:`diagnosis.fitting.noise.estimated`), and the fit is settled with them, until both stay.
 
 **Doubt.** Parameters also make up for what the model is not, and a fit's own covariance knows no such. What a model
@@ -17,13 +19,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.fitting.determinant import determinant
 from diagnosis.fitting.failures import FAILURES
-from diagnosis.fitting.grams import Colour
+from diagnosis.fitting.gaussian import Parabola
+from diagnosis.fitting.grams import Colour, Grams
 from diagnosis.fitting.likely import moved
 from diagnosis.fitting.linear import Linearisation
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.refit import NEAR, Refit, likely, settled, step_from
+from diagnosis.fitting.refit import NEAR, SHARES, Refit, likely, misfit, refit, relinearised, step_from
 from diagnosis.fitting.starting import PRIOR, begun
 from diagnosis.recording import HOUR
 from shared.errors import TimeUp
@@ -33,7 +37,13 @@ _log = logger(__name__)
 ROUNDS = 4
 """How often the errors that are left are estimated anew, at most."""
 STAYS = 0.2
-"""Errors stay where they change by less than this share, and are the sensors' noise where they exceed it by less."""
+"""Errors stay where they change by less than this share."""
+LINES = 8
+"""How often a line is drawn anew for the same errors, at most."""
+LEAST = 0.03
+"""A line that gains less in log density is the last: within a quarter of a standard deviation of one unknown."""
+REUSED = 1.0
+"""The determinant is simulated anew where the fit has moved further [its standard deviations, root mean square]."""
 
 
 def doubted(covariance: np.ndarray, doubt: float) -> np.ndarray:
@@ -126,17 +136,18 @@ def fit(
         If the time was up before there was a fit; after that, a fit ends with what there is.
     """
     began, counted = time.perf_counter(), problem.simulations
-    first = begun(problem, starts or [(PRIOR, np.zeros(problem.size))])
+    first = begun(problem, starts or [(PRIOR, np.zeros(problem.size))], wide=False)
     found, colours, stays = first.fit, first.colours, False
+    bent: Parabola | None = None
     try:
         for k in range(ROUNDS):
             problem.runner.reached((k + 1) / (ROUNDS + 1))
-            left = _left(found, colours, first.colours) if estimate_noise else _declared(problem)
-            stays = _same(left, colours) if estimate_noise else k > 0
+            left = _left(found, colours) if estimate_noise else _declared(problem)
+            stays = k > 0 and _same(left, colours)
             if stays:
                 break
             colours = left
-            found = settled(found.lin, problem.observed, colours)
+            found, bent = _settled(found, colours, bent)
     except (TimeUp, *FAILURES) as error:
         _log.info("the fit ends before its errors stay: %s", error)
     with problem.runner.lifted():
@@ -155,20 +166,54 @@ def _declared(problem: Problem) -> dict[int, Colour]:
     return {k: (float(sd), 0.0, HOUR) for k, sd in enumerate(problem.floor) if problem.observed[k].any()}
 
 
-def _left(found: Refit, colours: dict[int, Colour], usual: dict[int, Colour]) -> dict[int, Colour]:
-    """The errors that a fit leaves with the most likely nuisance; the usual ones where they are no larger."""
+def _left(found: Refit, colours: dict[int, Colour]) -> dict[int, Colour]:
+    """The errors that a fit leaves with the most likely nuisance."""
     problem = found.lin.problem
     nuisance = problem.nuisance.heights(likely(found.grams, colours, found.lin.z))
     left = np.where(problem.observed, problem.measured - problem.simulate(found.lin.z, nuisance), 0.0)
     noise = estimated(NoiseModel.white_only(problem.floor), left, problem.observed, problem.time)
     own = zip(noise.white.tolist(), noise.slow.tolist(), noise.time.tolist(), strict=True)
-    larger = noise.sd > (1 + STAYS) * problem.floor
-    return {k: one if larger[k] else usual[k] for k, one in enumerate(own) if k in usual}
+    return {k: one for k, one in enumerate(own) if problem.observed[k].any()}
 
 
 def _same(one: dict[int, Colour], other: dict[int, Colour]) -> bool:
     """Whether all errors are about as large."""
     return all(abs(np.log(np.hypot(*one[k][:2]) / np.hypot(*other[k][:2]))) < STAYS for k in one)
+
+
+def _settled(begin: Refit, colours: dict[int, Colour], bent: Parabola | None) -> tuple[Refit, Parabola]:
+    """The most plausible unknowns with the nuisance integrated out, and the determinant near there.
+
+    Each line leads to its own optimum, or part of the way: as far as the measurements become more plausible when the
+    line is drawn there.
+    """
+    observed = begin.grams.observed
+    here = Grams(relinearised(begin.grams, colours, begin.lin.z, observed), observed)
+    value, sd, near = _density(here, colours), begin.sd, bent or determinant(here, colours)
+    for _ in range(LINES):
+        if np.sqrt(np.mean(((here.lin.z - near.z) / sd) ** 2)) > REUSED:
+            near = determinant(here, colours)
+        moved = refit(Grams(here.lin, observed, here, near), colours, here.lin.z, ())
+        sd, gain = moved.sd, 0.0
+        for share in SHARES:
+            there = here.lin.z + share * (moved.lin.z - here.lin.z)
+            try:
+                drawn = Grams(relinearised(moved.grams if share == 1.0 else here, colours, there, observed), observed)
+            except FAILURES:
+                continue
+            gain = _density(drawn, colours) - value
+            if gain > 0:
+                here, value = drawn, value + gain
+                break
+        if gain < LEAST:
+            break
+    return refit(Grams(here.lin, observed, here, near), colours, here.lin.z, (), steps=0), near
+
+
+def _density(grams: Grams, colours: dict[int, Colour]) -> float:
+    """Log density of measurements and unknowns where the line is drawn, nuisance integrated out, but for a constant."""
+    root = grams.without_nuisance(colours).root
+    return -misfit(grams, colours) - float(np.sum(np.log(np.diag(root))))
 
 
 def _finished(found: Refit, colours: dict[int, Colour]) -> Fit:

@@ -27,7 +27,7 @@ from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.gaussian import factor, mass
 from diagnosis.fitting.grams import AMPLITUDE, Colour, Grams, estimated_colours
 from diagnosis.fitting.likely import pruned
-from diagnosis.fitting.lines import Linearised, linearised, widened
+from diagnosis.fitting.lines import Linearised, linearised, metered, widened
 from diagnosis.fitting.problem import Problem
 from shared.errors import TimeUp
 
@@ -362,10 +362,11 @@ def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool 
 
 
 def _cost(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> float:
-    """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns."""
+    """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns; and what is beside it."""
     grams = Grams(replace(lin, by_unknown=np.zeros((*lin.residual.shape, 0)), z=np.zeros(0)), before.observed, before)
     left = grams.without_nuisance(colours)
-    return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2)))
+    beside = 0.0 if before.bent is None else before.bent.value(lin.z)
+    return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2))) + beside
 
 
 def _spread(lin: Linearised) -> np.ndarray:
@@ -421,7 +422,7 @@ FAR = 5.0
 its optimum, candidates differ by how they get away from there."""
 
 
-def line_at(plain: Problem, start: np.ndarray) -> Linearised:
+def line_at(plain: Problem, start: np.ndarray, *, wide: bool = True) -> Linearised:
     """A problem without effects, linearised at a start and at the usual nuisance.
 
     What the readings say of the nuisance at parameters that are far off is fiction, and fits begun on it end far off.
@@ -432,13 +433,15 @@ def line_at(plain: Problem, start: np.ndarray) -> Linearised:
         Before any fit.
     start
         Unknowns, shape (unknowns,).
+    wide
+        Whether nuisances have the tails that a test needs (:func:`.lines.widened`).
 
     Raises
     ------
     SimulationError
         If it cannot be simulated there.
     """
-    problem, around = widened(*pruned(plain, plain.linearise(start)))
+    problem, around = (widened if wide else metered)(*pruned(plain, plain.linearise(start)))
     return linearised(problem, start, around)
 
 

@@ -95,7 +95,7 @@ def usual_starts(problem: Problem, estimated: ZeroShot | None) -> list[tuple[str
     return [*first, (PRIOR, np.zeros(problem.size))]
 
 
-def begun(problem: Problem, starts: Sequence[tuple[str, np.ndarray]]) -> Begun:
+def begun(problem: Problem, starts: Sequence[tuple[str, np.ndarray]], *, wide: bool = True) -> Begun:
     """The most plausible fit of the base model from several starts; the first that leaves little more than noise.
 
     Where the time is up after one of them, that is it.
@@ -106,6 +106,8 @@ def begun(problem: Problem, starts: Sequence[tuple[str, np.ndarray]]) -> Begun:
         Before any fit, without effects.
     starts
         What each is called, and its unknowns (unknowns,).
+    wide
+        Whether nuisances have the tails that a test needs.
 
     Raises
     ------
@@ -118,7 +120,7 @@ def begun(problem: Problem, starts: Sequence[tuple[str, np.ndarray]]) -> Begun:
     why: dict[str, str] = {}
     for name, start in starts:
         try:
-            one, line = base_from(line_at(problem, start), problem.observed)
+            one, line = base_from(line_at(problem, start, wide=wide), problem.observed)
             found = Begun(one, name, line)
         except FAILURES as error:
             why[name] = reason(error)

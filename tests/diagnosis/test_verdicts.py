@@ -22,16 +22,20 @@ def test_a_system_without_a_file_of_its_own_is_told_whose_probabilities_it_gets(
     assert found == shipped
     assert "verdict.json is missing" in why
     assert doubt_of(moved) == shipped.doubt
-    (folder / FILE_NAME).write_text(BY.model_dump_json(), encoding="utf-8")
+    own = BY.model_copy(update={"system": moved.name})
+    (folder / FILE_NAME).write_text(own.model_dump_json(), encoding="utf-8")
     assert verdicts_of(moved, effects, "-", "sensor") == (
-        BY,
+        own,
         "verdict.json is of another version of the description, choice of candidates",
     )
-    other = BY.model_copy(update={"system_hash": moved.hash(), "candidates_sha256": candidates_sha256(effects)})
+    other = own.model_copy(update={"system_hash": moved.hash(), "candidates_sha256": candidates_sha256(effects)})
     (folder / FILE_NAME).write_text(other.model_dump_json(), encoding="utf-8")
     assert verdicts_of(moved, effects, "-", "sensor") == (other, "")
     assert doubt_of(moved) == BY.doubt != shipped.doubt
     assert "FMU, noise preset" in verdicts_of(moved, effects, "+", "clean")[1]
+    (folder / FILE_NAME).write_text(other.model_copy(update={"system": "Office"}).model_dump_json(), encoding="utf-8")
+    assert verdicts_of(moved, effects, "-", "sensor") == (shipped, "verdict.json is of Office")
+    assert doubt_of(moved) == shipped.doubt
 
 
 def test_a_file_of_something_else_is_refused_by_its_name(tmp_path):

@@ -54,7 +54,7 @@ def test_of_two_fits_that_leave_something_the_more_plausible_one_is_kept(problem
         made.append(line)
         return SimpleNamespace(evidence=float(len(made) - 1 == better)), line
 
-    monkeypatch.setattr("diagnosis.fitting.starting.line_at", lambda _, start: start)
+    monkeypatch.setattr("diagnosis.fitting.starting.line_at", lambda _, start, wide: start)
     monkeypatch.setattr("diagnosis.fitting.starting.base_from", fitted)
     monkeypatch.setattr("diagnosis.fitting.starting.Begun.evidence", property(lambda one: one.fit.evidence))
     monkeypatch.setattr("diagnosis.fitting.starting.Begun.quiet", False)

@@ -61,7 +61,7 @@ def test_draws_given_readings_are_those_of_the_posterior():
 @pytest.mark.slow
 def test_houses_are_forecast_within_their_noise(house, house_recording, tmp_path):
     errors = []
-    for seed in range(4):
+    for seed in range(8):
         record = read_recording(house_recording(hours=96, seed=seed), house("me"))
         record.outputs[0, 0] = np.nan
         hours = {"context": 48, "ahead": 48, "warm_up": WARM_UP}
