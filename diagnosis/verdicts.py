@@ -22,7 +22,7 @@ from shared.system import System
 
 SCHEMA_VERSION = 1
 FILE_NAME = "verdict.json"
-NOTHING = ("one", "best", "gap", "p", "before", "unsettled", "uncounted", "replay")
+NOTHING = ("one", "best", "gap", "p", "before", "uncounted", "replay")
 """What the odds of no gap depend on, by the names of :func:`diagnosis.gap.verdict.features`."""
 NONE = ("one", "best", "left", "rejected", "unexplained", "replay")
 """What those of a cause that is no candidate depend on."""

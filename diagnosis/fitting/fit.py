@@ -1,10 +1,8 @@
 """A fit of a recording: the most plausible unknowns, how sure they are, and the errors that are left.
 
-It begins at the base model's fit on straight lines (:func:`diagnosis.fitting.starting.begun`) and goes to where the
-measurements are most plausible with the nuisance integrated out, its covariance following the unknowns
-(:mod:`diagnosis.fitting.determinant`). What a room does beyond the model would be fitted away by its parameters if the
-sensors' noise were all that may be left. So the errors that are left are estimated
-(:func:`diagnosis.fitting.noise.estimated`), and the fit is settled with them, until both stay.
+It begins at the base model's fit with the sensors' noise (:func:`diagnosis.fitting.starting.begun`). What a room does
+beyond the model would be fitted away by its parameters if that noise were all that may be left. So the errors that are
+left are estimated (:func:`diagnosis.fitting.noise.estimated`), and the fit is settled with them, until both stay.
 
 **Doubt.** Parameters also make up for what the model is not, and a fit's own covariance knows no such. What a model
 takes for granted is among the unknowns (:mod:`diagnosis.fitting.runs`), but not all of it: weather that was read with
@@ -19,15 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.fitting.determinant import determinant
 from diagnosis.fitting.failures import FAILURES
-from diagnosis.fitting.gaussian import Parabola
-from diagnosis.fitting.grams import Colour, Grams
+from diagnosis.fitting.grams import Colour
 from diagnosis.fitting.likely import moved
 from diagnosis.fitting.linear import Linearisation
 from diagnosis.fitting.noise import NoiseModel, estimated
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.refit import NEAR, SHARES, Refit, likely, misfit, refit, relinearised, step_from
+from diagnosis.fitting.refit import Refit, likely, settled
 from diagnosis.fitting.starting import PRIOR, begun
 from diagnosis.recording import HOUR
 from shared.errors import TimeUp
@@ -38,12 +34,6 @@ ROUNDS = 4
 """How often the errors that are left are estimated anew, at most."""
 STAYS = 0.2
 """Errors stay where they change by less than this share."""
-LINES = 8
-"""How often a line is drawn anew for the same errors, at most."""
-LEAST = 0.03
-"""A line that gains less in log density is the last: within a quarter of a standard deviation of one unknown."""
-REUSED = 1.0
-"""The determinant is simulated anew where the fit has moved further [its standard deviations, root mean square]."""
 
 
 def doubted(covariance: np.ndarray, doubt: float) -> np.ndarray:
@@ -90,8 +80,7 @@ class Fit:
     at_bound
         Names of unknowns that lie on their bounds.
     converged
-        Whether the errors that are left stay, and the last line's optimum is within :data:`.refit.NEAR` standard
-        deviations (root mean square).
+        Whether the errors that are left stay, and no line drawn further on made the readings more plausible.
     simulations, seconds
         What it took.
     """
@@ -138,7 +127,6 @@ def fit(
     began, counted = time.perf_counter(), problem.simulations
     first = begun(problem, starts or [(PRIOR, np.zeros(problem.size))], wide=False)
     found, colours, stays = first.fit, first.colours, False
-    bent: Parabola | None = None
     try:
         for k in range(ROUNDS):
             problem.runner.reached((k + 1) / (ROUNDS + 1))
@@ -147,7 +135,7 @@ def fit(
             if stays:
                 break
             colours = left
-            found, bent = _settled(found, colours, bent)
+            found = settled(found.lin, problem.observed, colours)
     except (TimeUp, *FAILURES) as error:
         _log.info("the fit ends before its errors stay: %s", error)
     with problem.runner.lifted():
@@ -181,41 +169,6 @@ def _same(one: dict[int, Colour], other: dict[int, Colour]) -> bool:
     return all(abs(np.log(np.hypot(*one[k][:2]) / np.hypot(*other[k][:2]))) < STAYS for k in one)
 
 
-def _settled(begin: Refit, colours: dict[int, Colour], bent: Parabola | None) -> tuple[Refit, Parabola]:
-    """The most plausible unknowns with the nuisance integrated out, and the determinant near there.
-
-    Each line leads to its own optimum, or part of the way: as far as the measurements become more plausible when the
-    line is drawn there.
-    """
-    observed = begin.grams.observed
-    here = Grams(relinearised(begin.grams, colours, begin.lin.z, observed), observed)
-    value, sd, near = _density(here, colours), begin.sd, bent or determinant(here, colours)
-    for _ in range(LINES):
-        if np.sqrt(np.mean(((here.lin.z - near.z) / sd) ** 2)) > REUSED:
-            near = determinant(here, colours)
-        moved = refit(Grams(here.lin, observed, here, near), colours, here.lin.z, ())
-        sd, gain = moved.sd, 0.0
-        for share in SHARES:
-            there = here.lin.z + share * (moved.lin.z - here.lin.z)
-            try:
-                drawn = Grams(relinearised(moved.grams if share == 1.0 else here, colours, there, observed), observed)
-            except FAILURES:
-                continue
-            gain = _density(drawn, colours) - value
-            if gain > 0:
-                here, value = drawn, value + gain
-                break
-        if gain < LEAST:
-            break
-    return refit(Grams(here.lin, observed, here, near), colours, here.lin.z, (), steps=0), near
-
-
-def _density(grams: Grams, colours: dict[int, Colour]) -> float:
-    """Log density of measurements and unknowns where the line is drawn, nuisance integrated out, but for a constant."""
-    root = grams.without_nuisance(colours).root
-    return -misfit(grams, colours) - float(np.sum(np.log(np.diag(root))))
-
-
 def _finished(found: Refit, colours: dict[int, Colour]) -> Fit:
     """The fit with these errors, at the nuisance that is likely then."""
     lin = found.lin
@@ -225,8 +178,6 @@ def _finished(found: Refit, colours: dict[int, Colour]) -> Fit:
     residual = problem.residuals(lin.z, around)
     logdet = problem.noise.logdet(problem.observed, problem.time) + around.marginal.logdet
     nuisance, outputs = moved(problem, lin.z, around) or (around.nuisance, problem.simulate(lin.z, around.heights))
-    step, _ = step_from(lin, found.grams, colours)
-    away = float(np.sqrt(np.mean((step / found.sd) ** 2)))
     return Fit(
         z=lin.z,
         covariance=found.covariance,
@@ -237,7 +188,7 @@ def _finished(found: Refit, colours: dict[int, Colour]) -> Fit:
         problem=problem,
         started_from="",
         at_bound=found.at_bound,
-        converged=away < NEAR,
+        converged=found.settled,
         simulations=0,
         seconds=0.0,
     )

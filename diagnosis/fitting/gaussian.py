@@ -6,28 +6,9 @@ lost the one that is added to it, and a sum of such products may come out as sin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, eigh
 from scipy.special import log_ndtr
-
-
-@dataclass(frozen=True)
-class Parabola:
-    """A function of unknowns that is zero at ``z`` (unknowns,): its ``slope`` there (unknowns,) and its ``curvature``.
-
-    The curvature (unknowns, unknowns) has no negative eigenvalue.
-    """
-
-    z: np.ndarray
-    slope: np.ndarray
-    curvature: np.ndarray
-
-    def value(self, z: np.ndarray) -> float:
-        """At other unknowns (unknowns,)."""
-        way = z - self.z
-        return float(self.slope @ way + 0.5 * way @ self.curvature @ way)
 
 
 def factor(gram: np.ndarray) -> np.ndarray:

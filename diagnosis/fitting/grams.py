@@ -29,7 +29,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import cho_solve
 
-from diagnosis.fitting.gaussian import Parabola, factor, no_less_than_nothing
+from diagnosis.fitting.gaussian import factor, no_less_than_nothing
 from diagnosis.fitting.lines import Linearised
 from diagnosis.fitting.noise import HOUR, NoiseModel
 
@@ -65,14 +65,11 @@ class Grams:
 
     The residual is taken at the prior mean of the unknowns, so that all columns have a prior centred on zero;
     ``spread`` (unknowns,) are the unknowns' prior standard deviations, by which their columns are multiplied.
-    ``bent`` is what the nuisance's log determinant adds beside the rows (:mod:`.determinant`), that of ``like`` if not
-    given; without either it counts as constant.
     """
 
     lin: Linearised
     observed: np.ndarray
     like: Grams | None = None
-    bent: Parabola | None = None
     _cache: dict[tuple[int, Colour], Product] = field(default_factory=dict)
     _nuisance: dict[int, tuple[Colour, np.ndarray, np.ndarray]] = field(default_factory=dict)
     _root: dict[tuple[Colour, ...], np.ndarray] = field(default_factory=dict)
@@ -87,7 +84,6 @@ class Grams:
         self.rows = np.where(np.isfinite(lin.residual), lin.residual, 0.0) + lin.by_unknown @ lin.z
         self.channels = [k for k in range(len(self.rows)) if self.observed[k].any()]
         like = self.like
-        self.bent = self.bent or (like.bent if like else None)
         if like and like.lin.by_nuisance is lin.by_nuisance and np.array_equal(like.observed, self.observed):
             self._nuisance, self._root = like._nuisance, like._root  # the same columns: whitened and factorised once
 
@@ -145,16 +141,7 @@ class Grams:
         whole = parts[0]
         for one in parts[1:]:
             whole = whole + one
-        return whole if self.bent is None or not self.n_unknown else whole + self._beside(self.bent)
-
-    def _beside(self, bent: Parabola) -> Product:
-        """A parabola in the unknowns as products of rows that it might come from; it is zero where the line is."""
-        some, size = self.inner[self.n_nuisance :], len(self.free[0, 0]) + self.n_nuisance
-        gram, score = np.zeros((size, size)), np.zeros(size)
-        gram[np.ix_(some, some)] = bent.curvature * np.outer(self.spread, self.spread)
-        score[some] = (bent.curvature @ bent.z - bent.slope) * self.spread
-        square = float(bent.z @ (bent.curvature @ bent.z - 2 * bent.slope)) - 2 * bent.value(self.lin.z)
-        return Product(gram, score, square, 0.0, 0)
+        return whole
 
     def without_nuisance(self, colours: dict[int, Colour]) -> Projected:
         """All other columns when the nuisance has explained what it can; its factor is kept for the last colours."""

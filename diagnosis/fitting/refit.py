@@ -8,9 +8,9 @@ where that no longer helps.
 
 **A line holds near where it was drawn.** Persons who come within a step, a controller that saturates and air that is
 changed twice an hour bend it, and what the bend leaves behind looks like a gap. So a fit is settled (:func:`settled`):
-the line is drawn anew where unknowns and nuisance have moved to, until the evidence (Laplace's, at that point) no
-longer grows; a move that lowers it is taken back by half. From a start, the base model is first led by lines at the
-usual nuisance (:func:`base_from`): what the readings say of persons at parameters that are far off is fiction.
+the line is drawn anew where unknowns and nuisance have moved to, for as long as the readings become more plausible
+with the nuisance integrated out. From a start, the base model is first led by lines at the usual nuisance
+(:func:`base_from`): what the readings say of persons at parameters that are far off is fiction.
 """
 
 from __future__ import annotations
@@ -31,102 +31,67 @@ from diagnosis.fitting.lines import Linearised, linearised, metered, widened
 from diagnosis.fitting.problem import Problem
 from shared.errors import TimeUp
 
-RENEWALS = 3
-WORTH = 1.0
-"""A renewal that gains less log evidence than this is the last."""
+LINES = 8
+"""How often a line is drawn anew, at most."""
+LEAST = 0.03
+"""A line that gains less in log density is the last: within a quarter of a standard deviation of one unknown."""
 SHARES = (1.0, 0.4)
 """Of a move to where the straight line sees the optimum."""
-NEAR = 0.5
-"""Standard deviations of an unknown within which a line drawn elsewhere is as good."""
 
 
 def settled(
-    first: Linearised, observed: np.ndarray, colours: dict[int, Colour] | None = None, renewals: int = RENEWALS
+    first: Linearised,
+    observed: np.ndarray,
+    colours: dict[int, Colour] | None = None,
+    *,
+    lines: int = LINES,
 ) -> Refit:
-    """The optimum of a problem's unknowns with the colour of the noise and all nuisances, linearised where it is.
+    """The most plausible unknowns with the nuisance integrated out, linearised where they are.
+
+    Each line leads to its own optimum, or part of the way: as far as the readings become more plausible when the line
+    is drawn there.
 
     Parameters
     ----------
     first
-        Where to begin; its derivatives by unknowns may be those of a point near.
+        Where to begin; candidates that it has are left aside, its derivatives may be those of a point near.
     observed
         Readings that count, shape (outputs, steps).
     colours
-        By channel; estimated at the first renewal if not given.
+        By channel; estimated on the first line if not given.
+    lines
+        Drawn at most, after the first.
     """
-    size, grams = first.problem.floor, Grams(first, observed)
+    size, first = first.problem.floor, replace(first, by_effect=first.by_effect[..., :0], effects=())
+    grams = Grams(first, observed)
     try:
-        lin = relinearised(grams, colours or estimated_colours(grams, size).best, first.z, observed)
+        here = Grams(relinearised(grams, colours or estimated_colours(grams, size).best, first.z, observed), observed)
     except FAILURES:  # what is likely on the straight line may be nothing that the model can be run with
-        lin = linearised(first.problem, first.z, first.around)
-    grams = Grams(lin, observed)
-    used = colours or estimated_colours(grams, size).best
-    value = grams.evidence(used)
-    for _ in range(renewals):
-        moved = refit(grams, used, grams.lin.z, (), redrawn=False)
-        found = None
+        here = Grams(linearised(first.problem, first.z, first.around), observed)
+    used = colours or estimated_colours(here, size).best
+    value, rests = _density(here, used), False
+    for _ in range(lines):
+        moved, gain = refit(here, used, here.lin.z, (), redrawn=False), np.nan
         for share in SHARES:
-            there = grams.lin.z + share * (moved.lin.z - grams.lin.z)
+            there = here.lin.z + share * (moved.lin.z - here.lin.z)
             try:
-                lin = relinearised(moved.grams if share == 1.0 else grams, used, there, observed)
+                drawn = Grams(relinearised(moved.grams if share == 1.0 else here, used, there, observed), observed)
             except FAILURES:
                 continue
-            found = Grams(lin, observed)
-            gain = found.evidence(used) - value
+            gain = _density(drawn, used) - value
             if gain > 0:
+                here, value = drawn, value + gain
                 break
-            found = None
-        if found is None:
+        rests = bool(gain < LEAST)
+        if not gain >= LEAST:
             break
-        grams, value = found, value + gain
-        if gain < WORTH:
-            break
-    return refit(grams, used, grams.lin.z, (), steps=0)
+    return replace(refit(here, used, here.lin.z, (), steps=0), settled=rests)
 
 
-def fitted_anew(drawn: Linearised, observed: np.ndarray, colours: dict[int, Colour]) -> Refit:
-    """The optimum of the unknowns given some of the readings, from a fit to all of them.
-
-    The evidence, by which :func:`settled` judges a move, has the unknowns integrated out and hardly depends on where
-    the line was drawn: by it the fit to all readings would stay where it is. So a move counts here by the misfit to the
-    readings that are fitted, and whatever comes of the line, the misfit on it is made smallest. The line is drawn where
-    these readings alone say that the nuisance was: the others would move the unknowns by it.
-
-    Parameters
-    ----------
-    drawn
-        Where the fit to all readings is; candidates that it has are left aside.
-    observed
-        Readings that are fitted, shape (outputs, steps).
-    colours
-        By channel.
-
-    Raises
-    ------
-    SimulationError
-        If the simulation fails where the fit to all readings is.
-    """
-    here = Grams(replace(drawn, by_effect=drawn.by_effect[..., :0], effects=()), observed)
-    moved = refit(here, colours, here.lin.z, (), redrawn=False)
-    for k in range(RENEWALS):
-        way, before = moved.lin.z - here.lin.z, misfit(here, colours)
-        if k > 0 and np.all(np.abs(way) < NEAR * moved.sd):
-            break
-        found = None
-        for share in SHARES:
-            try:
-                lin = relinearised(moved.grams if share == 1.0 else here, colours, here.lin.z + share * way, observed)
-            except FAILURES:
-                continue
-            found = Grams(lin, observed)
-            if k == 0 or misfit(found, colours) < before:  # the first line was drawn for other readings: no measure
-                break
-            found = None
-        if found is None:
-            break
-        here = found
-        moved = refit(here, colours, here.lin.z, (), redrawn=False)
-    return at_rest(moved, colours)
+def _density(grams: Grams, colours: dict[int, Colour]) -> float:
+    """Log density of readings and unknowns where the line is drawn, nuisance integrated out, but for a constant."""
+    root = grams.without_nuisance(colours).root
+    return -misfit(grams, colours) - float(np.sum(np.log(np.diag(root))))
 
 
 def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every: np.ndarray) -> Linearised:
@@ -151,13 +116,9 @@ def likely(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> np.ndarra
 STEPS = 8
 SETTLED = 0.05
 """A step that promises less gain in log likelihood than this ends the search."""
-RESTING = 30
-"""Steps, at most, of what is told."""
 TELLING = 1e-4
 """A step shorter than this [prior standard deviations] corrects no derivative: what it shows is the integrator's error,
 and divided by a step that is but the rounding of a bound that would be a derivative of any size."""
-REST = 5e-4
-"""The same, where the optimum itself is asked for: within a thirtieth of a standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -165,8 +126,8 @@ class Refit:
     """Effects fitted with the parameters.
 
     ``lin`` is the linearised problem there, without further candidates, ``grams`` its products; ``evidence`` with
-    the colours of the null; ``covariance`` (unknowns, unknowns) of the posterior; ``settled``: whether no step promised
-    more; ``exact``: whether its derivatives were simulated there.
+    the colours of the null; ``covariance`` (unknowns, unknowns) of the posterior; ``settled``: whether no step, or of a
+    fit whose line is drawn anew no line, promised more; ``exact``: whether its derivatives were simulated there.
     """
 
     lin: Linearised
@@ -269,56 +230,6 @@ def refit(
     return replace(found, evidence=found.evidence_with(colours))
 
 
-def at_rest(one: Refit, colours: dict[int, Colour], *, steps: int = STEPS) -> Refit:
-    """The same where the search left off, gone on with until nothing is to be gained: it ends within a share of a sd.
-
-    Steps as short as a twentieth are tried: what an effect does may bend within one, such as an input that is moved
-    past the reading's hour, and a search that ends there ends beside the trough.
-
-    ``evidence`` and ``sd`` are those of where it began.
-    """
-    here, exact, cost = one.lin, one.exact, _cost(one.lin, one.grams, colours)
-    for _ in range(steps):
-        step, promised = step_from(here, one.grams, colours)
-        moved = None
-        for share in (1.0, 0.4, 0.15, 0.05) if promised > REST else ():
-            try:
-                there = _at(here.problem, here.z + share * step, here)
-            except FAILURES:
-                continue
-            value = _cost(there, one.grams, colours)
-            if value < cost:
-                moved = (there, value)
-                break
-        if moved is not None:
-            here, exact, cost = moved[0], False, moved[1]
-            continue
-        if exact:
-            break
-        here, exact = _at(here.problem, here.z, here, derivatives=True), True
-    grams = one.grams if here is one.lin else Grams(here, one.grams.observed, one.grams)
-    return replace(one, lin=here, grams=grams, exact=exact)
-
-
-def rested(one: Refit, colours: dict[int, Colour]) -> Refit:
-    """The same at its optimum, with the spread that it has there.
-
-    A refit takes few steps, and one that ends early may be judged the better for it: its straight line promises more
-    than there is. That is no matter among candidates, which all end so, but the size that is told of one would be that
-    of where its steps had come to, with the interval of an optimum. ``evidence`` stays what it was judged by.
-
-    Raises
-    ------
-    SimulationError
-        If the simulation fails where the derivatives are asked for.
-    """
-    there = at_rest(one, colours, steps=RESTING)
-    if there.lin is one.lin:
-        return one
-    done = refit(there.grams, colours, there.lin.z, (), steps=0)
-    return replace(done, evidence=one.evidence)
-
-
 def misfit(grams: Grams, colours: dict[int, Colour]) -> float:
     """What a refit makes smallest, at the point where the line was drawn."""
     return _cost(grams.lin, grams, colours)
@@ -362,11 +273,10 @@ def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool 
 
 
 def _cost(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> float:
-    """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns; and what is beside it."""
+    """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns."""
     grams = Grams(replace(lin, by_unknown=np.zeros((*lin.residual.shape, 0)), z=np.zeros(0)), before.observed, before)
     left = grams.without_nuisance(colours)
-    beside = 0.0 if before.bent is None else before.bent.value(lin.z)
-    return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2))) + beside
+    return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2)))
 
 
 def _spread(lin: Linearised) -> np.ndarray:
@@ -423,7 +333,7 @@ its optimum, candidates differ by how they get away from there."""
 
 
 def line_at(plain: Problem, start: np.ndarray, *, wide: bool = True) -> Linearised:
-    """A problem without effects, linearised at a start and at the usual nuisance.
+    """A problem linearised at a start and at the usual nuisance.
 
     What the readings say of the nuisance at parameters that are far off is fiction, and fits begun on it end far off.
 

@@ -19,7 +19,7 @@ from diagnosis.gap.evidence import evidence_of, gap_found
 from diagnosis.gap.places import operators, place
 from diagnosis.gap.reporting import Answered, Began, reported
 from diagnosis.gap.schema import HOW_FAR, Report, ShrinkageOf
-from diagnosis.gap.search import at_its_optimum, search
+from diagnosis.gap.search import search
 from diagnosis.gap.shrinkage import Apart, fitted_apart, left_by, shrinkages
 from diagnosis.gap.verdict import decide
 from diagnosis.verdicts import Verdicts
@@ -104,7 +104,6 @@ def concluded(
     if cut:
         found.unfinished.why = {"the base model's fit to its end": NO_TIME, **found.unfinished.why}
     attempt = found.unfinished.attempt
-    found = attempt("the optimum with the chosen effects", lambda: at_its_optimum(found), found)
     first = found.stages[0]
     whole.runner.stage("finding where the gap lies")
     problem = first.lin.problem

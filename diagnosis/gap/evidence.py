@@ -114,8 +114,6 @@ class Evidence:
     ----------
     replay, counted
         Whether actuators were replayed, and persons counted.
-    converged
-        Whether the base model's fit came to rest.
     strained
         Whether it has a parameter on an end of its range: the description is hardly that of the room.
     gap
@@ -139,7 +137,6 @@ class Evidence:
 
     replay: bool
     counted: bool
-    converged: bool
     strained: bool
     gap: bool
     searched: bool
@@ -200,7 +197,6 @@ def evidence_of(search: Search, gap: bool, rejected: bool, where_p: float) -> Ev
     return Evidence(
         replay=bool(problem.replay),
         counted=not problem.nuisance.levels,
-        converged=bool(search.base.settled),
         strained=any(name in problem.system.parameter_names for name in search.base.at_bound),
         gap=bool(gap),
         searched=bool(search.searched),

@@ -24,7 +24,7 @@ from diagnosis.fitting.failures import (
     said_by,
 )
 from diagnosis.fitting.lines import Linearised, applicable, fewer, linearised
-from diagnosis.fitting.refit import Refit, linear_start, refit, rested, settled
+from diagnosis.fitting.refit import Refit, linear_start, refit, settled
 from diagnosis.fitting.starting import Begun
 from diagnosis.gap.evidence import Made, Ranked, Search, evidence_before, worth
 from diagnosis.gap.rivals import Rivals, from_one_start, on_the_best_line
@@ -107,7 +107,7 @@ def _extended(found: Search, effects: Sequence[Effect], observed: np.ndarray, se
     stage, best = found.last, refits[0]
     late = best.lin.problem.runner.lifted() if found.unfinished.why else nullcontext()
     with blamed(best.names), late:
-        best = settled(best.lin, observed, stage.colours.best, renewals=1)
+        best = settled(best.lin, observed, stage.colours.best)
         lin = renewed_among(best, effects, found)
         after = examine(lin, observed, seed=seed + len(found.stages))
     if not first and not (worth_more(stage, after) and told(stage, refits, after, found.settled[-1])):
@@ -226,18 +226,6 @@ def _first_stage(
     with runner.lifted() if why == NO_TIME else nullcontext(), said_by(one.lin.problem.recording.path):
         lin = among(one, ())
         return lin, examine(lin, observed, seed=seed), why
-
-
-def at_its_optimum(found: Search) -> Search:
-    """The search with the fit of the chosen effects where it comes to rest: what is told of their sizes."""
-    if not found.settled:
-        return found
-    last = found.settled[-1]
-    try:
-        one = rested(last, found.last.colours.best)
-    except FAILURES:
-        return found
-    return replace(found, settled=[*found.settled[:-1], one])
 
 
 def worth_more(before: Stage, after: Stage) -> bool:

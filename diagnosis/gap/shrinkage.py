@@ -31,7 +31,7 @@ from diagnosis.fitting.failures import FAILURES
 from diagnosis.fitting.gaussian import factor
 from diagnosis.fitting.grams import AMPLITUDE, Colour, Colours, Grams
 from diagnosis.fitting.lines import Linearised
-from diagnosis.fitting.refit import WORTH, Refit, fitted_anew, misfit, relinearised
+from diagnosis.fitting.refit import Refit, misfit, relinearised, settled
 from diagnosis.gap.evidence import Search
 from diagnosis.gap.schema import FEWEST, ShrinkageOf
 from diagnosis.gap.stages import Stage
@@ -76,6 +76,8 @@ def kept_for_scoring(recording: Recording) -> np.ndarray:
 
 LINES = 5
 """The line is drawn so often at most where all readings say that the nuisance was."""
+WORTH = 1.0
+"""One that makes the misfit less by no more than this is the last."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def fitted_apart(found: Search, fitted: np.ndarray) -> Apart:
 
 def _fitted(stage: Stage, begin: Linearised, fitted: np.ndarray) -> tuple[Linearised, Linearised]:
     """A fit to a part from some place, where all readings say that the nuisance was, and its own line."""
-    one = fitted_anew(begin, fitted, stage.colours.best)
+    one = settled(begin, fitted, stage.colours.best)
     return _lined(one, stage.colours.best, stage.grams.observed), one.lin
 
 

@@ -80,7 +80,6 @@ def features(evidence: Evidence) -> dict[str, float]:
         "best": float(np.log1p(max(best, 0.0))),
         "gap": float(evidence.gap),
         "p": float(-np.log10(max(min(evidence.p_values.values(), default=1.0), 1e-4))),
-        "unsettled": float(not evidence.converged),
         "before": float(np.log1p(max(evidence.before, 0.0))),
         "left": float(np.log1p(max(evidence.left, 0.0))),
         "rejected": float(evidence.rejected),

@@ -33,7 +33,7 @@ def rows(count, seed):
     for index in range(count):
         gap = rng.random() < 0.6
         values = np.sort(rng.normal(10.0 if gap else -2.0, 6.0, len(NAMES)))[::-1]
-        plain = {"converged": True, "gap": gap, "searched": True, "beside": {}, "rejected": False, "p_values": {}}
+        plain = {"gap": gap, "searched": True, "beside": {}, "rejected": False, "p_values": {}}
         plain["strained"] = False
         evidence = Evidence(
             replay=bool(rng.random() < 0.3),

@@ -105,7 +105,7 @@ def test_a_fit_is_strained_by_parameters_at_their_ends_and_not_by_constants(at_b
     )
     search = SimpleNamespace(
         **{"stages": [first], "last": first, "excluded": {}, "failed": {}, "refits": [], "compared": None},
-        **{"base": SimpleNamespace(at_bound=at_bound, settled=True), "searched": True},
+        **{"base": SimpleNamespace(at_bound=at_bound), "searched": True},
     )
     found = evidence_of(search, gap=True, rejected=True, where_p=1.0)
     assert (found.strained, found.excess) == (strained, 8.0 if strained else 0.0)

@@ -10,7 +10,7 @@ from diagnosis.gap.verdict import decide, probabilities
 from tests.diagnosis.verdict_cases import BY
 
 QUIET = Evidence(
-    **{"replay": False, "counted": True, "converged": True, "gap": False, "searched": True, "rejected": False},
+    **{"replay": False, "counted": True, "gap": False, "searched": True, "rejected": False},
     **{"strained": False},
     **{"candidates": {"one": -1.0, "two": -2.0}, "beside": {}, "p_values": {}},
     **{"chosen": (), "before": 0.0, "left": 0.0},
