@@ -55,7 +55,10 @@ class Answers(_Table):
 
 def _known(weights: dict[str, float]) -> dict[str, float]:
     if unknown := weights.keys() - {*NOTHING, *NONE}:
-        raise ValueError(f"{', '.join(sorted(unknown))} is no feature; expected some of {', '.join((*NOTHING, *NONE))}")
+        raise ValueError(
+            f"{', '.join(sorted(unknown))} is no feature; expected some of"
+            f" {', '.join((*NOTHING, *NONE))}. Make the file again: `diagnosis farm`"
+        )
     return weights
 
 

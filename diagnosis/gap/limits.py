@@ -151,10 +151,10 @@ def limits(report: Report) -> list[str]:
         if report.wider:
             found.append(f"{report.wider} has wider ranges: diagnosis run {report.wider} {report.recording}")
     if not report.converged:
-        found.append("The fit of the base model had not come to rest when it stopped.")
+        found.append("The fit of the base model had not converged when it stopped.")
     if report.converged_after is False:
         found.append(
-            f"The fit {added(report.verdict)} had not come to rest when it stopped: sizes and parameters after are of"
+            f"The fit {added(report.verdict)} had not converged when it stopped: sizes and parameters after are of"
             " where it then was, and their intervals those of an optimum."
         )
     if report.assumed:

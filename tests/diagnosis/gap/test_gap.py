@@ -45,7 +45,7 @@ def test_a_drifting_sensor_is_found_told_how_large_and_removed(drifted, house):
     assert page.index(report.summary[0][:20]) < page.index("<img")
     words = " ".join(page.split())
     assert "Both are fitted to the days that are not hatched" in words and "base model fitted to all days" in words
-    assert ("fit of the base model had not come to rest" in words) == (not report.converged)
+    assert ("fit of the base model had not converged" in words) == (not report.converged)
     # which hours these are, and how many more than the page shows, depends on rounding
     assert {one.kind for one in report.where if "first_s" in one.cell} >= {"episode"}
     for one in [one for one in report.where[:LINES] if "first_s" in one.cell]:

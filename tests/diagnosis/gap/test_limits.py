@@ -145,14 +145,14 @@ OTHER = named("bridge", answer=False).model_copy(update={"at_bound": True})
             "Missing",
             ["Missing sources that could not be worked out: heat (its simulation fails)."],
         ),
-        ({"converged_after": False}, "come to rest", ["The fit with the effects found had"]),
+        ({"converged_after": False}, "not converged", ["The fit with the effects found had"]),
         (
             {"verdict": "none_of_these", "converged_after": False},
-            "come to rest",
+            "not converged",
             ["The fit with the nearest candidate had not"],
         ),
-        ({"converged_after": True}, "come to rest", []),
-        ({"verdict": "no_gap"}, "come to rest", []),
+        ({"converged_after": True}, "not converged", []),
+        ({"verdict": "no_gap"}, "not converged", []),
         (  # what an answer names could be seen
             {"effects": [named("valve")], "sets": [["valve"]], "detectability": seen(valve=None, load=None)},
             "nine of ten",
