@@ -1,8 +1,9 @@
-"""What a verdict's answers and intervals are worth on rows of `diagnosis farm` that it was not calibrated by.
+"""What answers and intervals are worth on rows of `diagnosis farm` that they were not calibrated by.
 
     diagnosis farm MixedAirCO2 --recordings 60 --seed 20261208 --out farm
     python tests/benchmarks/fresh_farm.py farm [--verdict fmus/MixedAirCO2/verdict.json]
 
+Without --verdict each row is answered by weights and limits of the other nine tenths of the farm.
 Shares have 95 % intervals (Wilson). Intervals of parameters are those of rows whose cause, or that there is none, was
 found; their values are not independent within a row, so the interval is a bootstrap's over rows.
 """
@@ -15,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.farming.calibration import OUTSIDE
-from diagnosis.farming.rows import Row, read_row
+from diagnosis.farming.calibration import OUTSIDE, decided
+from diagnosis.farming.rows import Row, Rows, read_row
 from diagnosis.fitting.fit import doubted_sd
 from diagnosis.gap.verdict import Decision, decide
 from diagnosis.usual import HALF_WIDTH
@@ -86,17 +87,18 @@ def intervals(rows: Sequence[Row], doubt: float) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("farm", type=Path, help="folder of `diagnosis farm`")
-    parser.add_argument("--verdict", type=Path, default=Path("fmus/MixedAirCO2/verdict.json"))
+    parser.add_argument("--verdict", type=Path, help="a verdict that was calibrated by another farm")
     asked = parser.parse_args()
     paths = sorted((asked.farm / "rows").glob("*.json"), key=lambda path: int(path.stem))
     rows = [read_row(read_json(path, RecordingError, "a row of a farm")) for path in paths]
-    by = read_verdicts(asked.verdict)
+    found = Rows(read_json(asked.farm / "about.json", RecordingError, "what a farm is of"), tuple(rows))
     strata = [row.stratum for row in rows]
     print(f"{len(rows)} recordings:", ", ".join(f"{strata.count(one)} {one}" for one in dict.fromkeys(strata)))
     cpu = [row.cpu_seconds for row in rows]
     print(f"processor time {np.median(cpu):.0f} s in the median, {max(cpu):.0f} s at most\n")
     print("| figure | value | said |\n|---|---|---|")
-    answers([(row, decide(row.evidence, by)) for row in rows])
+    by = read_verdicts(asked.verdict or asked.farm / "verdict.json")
+    answers([(row, decide(row.evidence, by)) for row in rows] if asked.verdict else decided(found))
     intervals(rows, by.doubt)
 
 
