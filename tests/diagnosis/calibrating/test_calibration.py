@@ -18,6 +18,7 @@ from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.stretches import Stretch
+from tests.conftest import ROOT
 from tests.diagnosis.conftest import TRUTH, WARM_UP
 
 
@@ -133,10 +134,11 @@ def test_the_command_writes_figures_and_a_page(house, house_recording, tmp_path,
 
 
 def test_a_recording_counts_for_less_than_the_fit_believes_and_the_page_says_so(calibrated):
-    """Each parameter's information is divided by 1.5 squared; the prior's, which is one, is not."""
-    assert (calibrated.report.widened, calibrated.report.started_from) == (1.5, "prior")
+    """Each parameter's information is divided by the doubt squared; the prior's, which is one, is not."""
+    doubt = json.loads((ROOT / "fmus" / "MixedAirCO2" / "verdict.json").read_text())["doubt"]
+    assert (calibrated.report.widened, calibrated.report.started_from) == (doubt, "prior")
     stated = np.array(calibrated.report.covariance)
-    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (calibrated.fit.sd**-2 - 1) / 1.5**2), rtol=1e-6)
+    np.testing.assert_allclose(np.diag(stated), 1 / (1 + (calibrated.fit.sd**-2 - 1) / doubt**2), rtol=1e-6)
     np.linalg.cholesky(stated)
     low, high = (
         calibrated.problem.unknowns({one.name: getattr(one, end) for one in calibrated.report.parameters})
