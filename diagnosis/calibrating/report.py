@@ -171,8 +171,8 @@ def _meant(report: Calibration) -> list[str]:
         said.append("Actuators were replayed: errors of their meters drive the model, so take the intervals with care.")
     said.append(
         f"Intervals are up to {number(report.widened, 2)} times as wide as the fit makes them, because a building"
-        " is not the model. Those of hardly identified parameters are hardly wider, being the prior's. They do not allow for a gap"
-        " that the model does not explain."
+        " is not the model. Those of hardly identified parameters are hardly wider, being the prior's. They do not"
+        " allow for a gap that the model does not explain."
     )
     if not report.converged:
         said.append("The fit had not converged when it stopped. Take its figures with care.")
