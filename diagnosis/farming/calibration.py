@@ -50,12 +50,17 @@ def calibrated(found: Rows) -> Verdicts:
     return _calibrated(found)[0]
 
 
-def decided(found: Rows) -> list[tuple[Row, Decision]]:
-    """A farm's rows with the answer to each by weights and limits of the other nine tenths; as :func:`calibrated`."""
-    return _calibrated(found)[1]
+def apart(found: Rows) -> list[tuple[Row, Verdicts]]:
+    """A farm's rows, each with weights, limits and doubt that are of the other nine tenths; as :func:`calibrated`."""
+    rest = [[row for k, row in enumerate(found.rows) if k % FOLDS != fold] for fold in range(FOLDS)]
+    doubts = [_doubt(some) for some in rest]
+    return [
+        (row, by.model_copy(update={"doubt": doubts[k % FOLDS]})) for k, (row, by) in enumerate(_calibrated(found)[1])
+    ]
 
 
-def _calibrated(found: Rows) -> tuple[Verdicts, list[tuple[Row, Decision]]]:
+def _calibrated(found: Rows) -> tuple[Verdicts, list[tuple[Row, Verdicts]]]:
+    """The verdict, and the rows with those whose weights and limits are of the other nine tenths."""
     rows = found.rows
     nulls = sum(row.stratum == "none" for row in rows)
     if nulls < FEWEST or nulls == len(rows):
@@ -67,7 +72,7 @@ def _calibrated(found: Rows) -> tuple[Verdicts, list[tuple[Row, Decision]]]:
     of_others = [
         fitted([row for row, place in zip(rows, places, strict=True) if place != fold]) for fold in range(FOLDS)
     ]
-    apart = [_by(of_others[place], row) for place, row in zip(places, rows, strict=True)]
+    chances = [_by(of_others[place], row) for place, row in zip(places, rows, strict=True)]
     about = {name: found.about[name] for name in Verdicts.model_fields if name in found.about}
     nothing = Count(what="", low=0, high=1, count=0, said=0, true=0)
     whole = Verdicts(
@@ -75,19 +80,20 @@ def _calibrated(found: Rows) -> tuple[Verdicts, list[tuple[Row, Decision]]]:
         made=datetime.now(UTC).strftime("%Y-%m-%d"),
         strata=dict(Counter(row.stratum for row in rows)),
         **_named(fitted(rows)),
-        **_limits(rows, apart),
+        **_limits(rows, chances),
         cover=COVER,
         doubt=_doubt(rows),
-        reliability=_reliability(apart, rows),
+        reliability=_reliability(chances, rows),
         answers=Answers(alarms=nothing, named=nothing, outside=nothing),
     )
-    done = []
+    by_fold = []
     for fold in range(FOLDS):
         rest = [k for k, place in enumerate(places) if place != fold]
-        limits = _limits([rows[k] for k in rest], [apart[k] for k in rest])
-        by = whole.model_copy(update=_named(of_others[fold]) | limits)
-        done += [(row, decide(row.evidence, by)) for row, place in zip(rows, places, strict=True) if place == fold]
-    return whole.model_copy(update={"answers": _answers(done)}), done
+        limits = _limits([rows[k] for k in rest], [chances[k] for k in rest])
+        by_fold.append(whole.model_copy(update=_named(of_others[fold]) | limits))
+    judged = [(row, by_fold[place]) for row, place in zip(rows, places, strict=True)]
+    answers = _answers([(row, decide(row.evidence, by)) for row, by in judged])
+    return whole.model_copy(update={"answers": answers}), judged
 
 
 def _limits(rows: Sequence[Row], apart: Sequence[Probabilities]) -> dict[str, Any]:

@@ -39,13 +39,7 @@ SHARES = (1.0, 0.4)
 """Of a move to where the straight line sees the optimum."""
 
 
-def settled(
-    first: Linearised,
-    observed: np.ndarray,
-    colours: dict[int, Colour] | None = None,
-    *,
-    lines: int = LINES,
-) -> Refit:
+def settled(first: Linearised, observed: np.ndarray, colours: dict[int, Colour] | None = None) -> Refit:
     """The most plausible unknowns with the nuisance integrated out, linearised where they are.
 
     Each line leads to its own optimum, or part of the way: as far as the readings become more plausible when the line
@@ -59,8 +53,6 @@ def settled(
         Readings that count, shape (outputs, steps).
     colours
         By channel; estimated on the first line if not given.
-    lines
-        Drawn at most, after the first.
     """
     size, first = first.problem.floor, replace(first, by_effect=first.by_effect[..., :0], effects=())
     grams = Grams(first, observed)
@@ -70,7 +62,7 @@ def settled(
         here = Grams(linearised(first.problem, first.z, first.around), observed)
     used = colours or estimated_colours(here, size).best
     value, rests = _density(here, used), False
-    for _ in range(lines):
+    for _ in range(LINES):
         moved, gain = refit(here, used, here.lin.z, (), redrawn=False), np.nan
         for share in SHARES:
             there = here.lin.z + share * (moved.lin.z - here.lin.z)
@@ -82,8 +74,8 @@ def settled(
             if gain > 0:
                 here, value = drawn, value + gain
                 break
-        rests = bool(gain < LEAST)
-        if not gain >= LEAST:
+        rests = bool(gain < LEAST)  # not where no line could be drawn: then there is no gain to tell
+        if rests or np.isnan(gain):
             break
     return replace(refit(here, used, here.lin.z, (), steps=0), settled=rests)
 

@@ -3,7 +3,7 @@
     diagnosis farm MixedAirCO2 --recordings 60 --seed 20261208 --out farm
     python tests/benchmarks/fresh_farm.py farm [--verdict fmus/MixedAirCO2/verdict.json]
 
-Without --verdict each row is answered by weights and limits of the other nine tenths of the farm.
+Without --verdict each row is judged by weights, limits and doubt of the other nine tenths of the farm.
 Shares have 95 % intervals (Wilson). Intervals of parameters are those of rows whose cause, or that there is none, was
 found; their values are not independent within a row, so the interval is a bootstrap's over rows.
 """
@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.farming.calibration import OUTSIDE, decided
+from diagnosis.farming.calibration import OUTSIDE, apart
 from diagnosis.farming.rows import Row, Rows, read_row
 from diagnosis.fitting.fit import doubted_sd
 from diagnosis.gap.verdict import Decision, decide
 from diagnosis.usual import HALF_WIDTH
-from diagnosis.verdicts import read_verdicts
+from diagnosis.verdicts import Verdicts, read_verdicts
 from shared.errors import RecordingError
 from shared.metrics import wilson
 from shared.reading import read_json
@@ -72,10 +72,11 @@ def holds_first(row: Row, done: Decision) -> bool:
     return any(name in row.true for name in done.sets[0])
 
 
-def intervals(rows: Sequence[Row], doubt: float) -> None:
-    right = [row for row in rows if set(row.evidence.chosen) == set(row.true) and row.stratum not in OUTSIDE]
-    errors = np.array([row.errors for row in right])
-    covers = np.abs(errors[..., 0]) <= HALF_WIDTH * doubted_sd(errors[..., 1], doubt)
+def intervals(judged: Sequence[tuple[Row, Verdicts]]) -> None:
+    right = [(row, by) for row, by in judged if {*row.evidence.chosen} == {*row.true} and row.stratum not in OUTSIDE]
+    errors = [np.array(row.errors).T for row, _ in right]
+    doubted = [doubted_sd(sd, by.doubt) for (_, sd), (_, by) in zip(errors, right, strict=True)]
+    covers = np.abs([error for error, _ in errors]) <= HALF_WIDTH * np.array(doubted)
     drawn = np.random.default_rng(0).integers(len(right), size=(2000, len(right)))
     low, high = np.quantile(covers[drawn].mean(axis=(1, 2)), [0.025, 0.975])
     what = "90 % intervals of parameters that cover, where the cause was found"
@@ -97,9 +98,9 @@ def main() -> None:
     cpu = [row.cpu_seconds for row in rows]
     print(f"processor time {np.median(cpu):.0f} s in the median, {max(cpu):.0f} s at most\n")
     print("| figure | value | said |\n|---|---|---|")
-    by = read_verdicts(asked.verdict or asked.farm / "verdict.json")
-    answers([(row, decide(row.evidence, by)) for row in rows] if asked.verdict else decided(found))
-    intervals(rows, by.doubt)
+    judged = [(row, read_verdicts(asked.verdict)) for row in rows] if asked.verdict else apart(found)
+    answers([(row, decide(row.evidence, by)) for row, by in judged])
+    intervals(judged)
 
 
 if __name__ == "__main__":

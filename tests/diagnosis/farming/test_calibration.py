@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.farming.calibration import COVER, calibrated, fitted
+from diagnosis.farming.calibration import COVER, FOLDS, apart, calibrated, fitted
 from diagnosis.farming.rows import Row, Rows
 from diagnosis.gap.evidence import Evidence
 from diagnosis.gap.verdict import decide, probabilities
@@ -92,6 +92,22 @@ def test_limits_hold_on_rows_that_took_no_part(by):
 
 def test_fits_that_are_twice_as_sure_as_they_should_be_are_doubted_by_two(by):
     assert by.doubt == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_row_has_no_say_in_what_it_is_judged_by():
+    """Rows of one tenth are spoilt: their own weights and doubt stay, and those of all others change."""
+    some = rows(200, seed=9)
+    spoilt = [
+        replace(row, errors=tuple((0.0, sd) for _, sd in row.errors), stratum="none", true=())
+        if k % FOLDS == 0
+        else row
+        for k, row in enumerate(some)
+    ]
+    for k, ((_, was), (_, now)) in enumerate(
+        zip(apart(Rows(ABOUT, some)), apart(Rows(ABOUT, tuple(spoilt))), strict=True)
+    ):
+        same = (was.nothing, was.power, was.doubt) == (now.nothing, now.power, now.doubt)
+        assert same == (k % FOLDS == 0)
 
 
 def test_what_is_said_is_what_is_true_bin_by_bin(by):

@@ -1,5 +1,6 @@
 """Forecasts of a second system."""
 
+import json
 import shutil
 from dataclasses import replace
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from diagnosis.forecasting.report import answer
 from diagnosis.recording import read_recording
 from shared.console import FAULT, OK, start
 from shared.errors import RecordingError, SimulationError
+from tests.conftest import ROOT
 from tests.diagnosis.conftest import WARM_UP
 
 
@@ -215,7 +217,8 @@ def test_the_command_goes_on_from_a_calibration(house, house_recording, tmp_path
     assert start(app, ["forecast", *words, "--calibration", str(tmp_path / "all")]) == OK
     page = " ".join((tmp_path / "ahead" / "forecast.html").read_text().split())
     assert f"Parameters from a calibration on 96 h of {path.name}." in page
-    assert "Intervals are up to 1.6 times as wide as the fit makes them" in page
+    doubt = json.loads((ROOT / "fmus" / "MixedAirCO2" / "verdict.json").read_text())["doubt"]
+    assert f"Intervals are up to {doubt:.2g} times as wide as the fit makes them" in page
     assert page.index("Over the 24 h ahead the forecast was off in room by") < page.index("Intervals are up to")
 
 
