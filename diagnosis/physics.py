@@ -62,6 +62,8 @@ COOLED = 1.0
 err by less together, and persons, sun and heaters only warm it."""
 MEMORY = 7 * DAY
 """Walls remember colder days for about so long [s]."""
+POWERS = ("W", "kW")
+"""Units of a heat flow."""
 FOLLOWED = 2.0
 """A heated room is not so far below its set point [K] all day long: the widest usual band of a thermostat's control."""
 SETTLED = 4.0
@@ -540,6 +542,7 @@ def _gas_balance(system: System, recording: Recording) -> Iterator[Finding]:
 def _description(system: System, recording: Recording) -> Iterator[Finding]:
     """What the description takes for granted and the recording contradicts."""
     yield from _cooled(system, recording)
+    yield from _negative(system, recording)
     yield from _set_point(system, recording)
     yield from _crowded(system, recording)
     yield from _small(system, recording)
@@ -558,16 +561,22 @@ def _room(system: System, recording: Recording) -> tuple[str, np.ndarray] | None
 
 def _heat_below_zero(system: System, recording: Recording) -> bool:
     """Whether a measured heat flow is negative at times, beyond noise: then it is known that the room is cooled."""
-    for unit in ("W", "kW"):
-        heats = [v for one, v in zip(system.outputs, recording.outputs, strict=True) if one.unit == unit]
-        heats += [
-            recording.inputs[one.name] for one in system.inputs if one.unit == unit and one.name in recording.inputs
-        ]
-        noise = max((n.sd for one in system.outputs if one.unit == unit for n in one.noise.values()), default=0.0)
-        seen = [one[np.isfinite(one)] for one in heats]
-        if any(len(one) and float(np.quantile(one, OFTEN)) < -2.0 * noise for one in seen):
+    for one, values in _heats(system, recording):
+        seen = values[np.isfinite(values)]
+        noise = max((n.sd for k in system.outputs if k.unit == one.unit for n in k.noise.values()), default=0.0)
+        if len(seen) and float(np.quantile(seen, OFTEN)) < -2.0 * noise:
             return True
     return False
+
+
+def _heats(system: System, recording: Recording) -> Iterator[tuple[Input | Output, np.ndarray]]:
+    """Variables that are heat flows by their unit, with their values (steps,)."""
+    yield from (pair for pair in zip(system.outputs, recording.outputs, strict=True) if pair[0].unit in POWERS)
+    yield from (
+        (one, recording.inputs[one.name])
+        for one in system.inputs
+        if one.unit in POWERS and one.name in recording.inputs.keys() - recording.assumed.keys()
+    )
 
 
 def _cooled(system: System, recording: Recording) -> Iterator[Finding]:
@@ -596,6 +605,23 @@ def _cooled(system: System, recording: Recording) -> Iterator[Finding]:
         f" a cooled room {WHERE}."
     )
     yield Finding("description", (name,), colder, "K", sentence, remedy, strong=False)
+
+
+def _negative(system: System, recording: Recording) -> Iterator[Finding]:
+    """A measured heat flow that only takes heat out of a room which is warmer than outdoors: a sign is turned."""
+    room, air = _room(system, recording), _air(system, recording)
+    if room is None or len(air) != 1 or float(np.nanmean(room[1] - next(iter(air.values())))) < COLDER:
+        return
+    for one, values in _heats(system, recording):
+        seen = values[np.isfinite(values)]
+        noise = max((n.sd for n in one.noise.values()), default=0.0) if isinstance(one, Output) else 0.0
+        if len(seen) and float(seen.mean()) < -noise and float(np.quantile(seen, 1 - OFTEN)) <= 2.0 * noise:
+            sentence = (
+                f"{one.name} is {seen.mean():.0f} {one.unit} on average and hardly ever above zero, as a cooler's,"
+                f" while {room[0]} is warmer than the air outdoors."
+            )
+            remedy = f"If it heats, write scale = -1 under [variables.{one.name}]."
+            yield Finding("unit", (one.name,), float(seen.mean()), one.unit, sentence, remedy, strong=False)
 
 
 def _set_point(system: System, recording: Recording) -> Iterator[Finding]:

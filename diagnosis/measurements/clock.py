@@ -11,17 +11,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, date, datetime, timedelta, timezone, tzinfo
-from difflib import get_close_matches
-from importlib.resources import files
+from datetime import UTC, date, datetime, timedelta, tzinfo
 from itertools import pairwise
-from zoneinfo import ZoneInfo, available_timezones
 
 import numpy as np
 import pandas as pd
 
 from diagnosis.measurements.mapping import Time
 from diagnosis.measurements.signal import even
+from diagnosis.measurements.zones import find_zone
 from shared.errors import RecordingError
 from shared.reading import shown, why
 from shared.times import time_zero
@@ -242,43 +240,6 @@ def _epoch(day: date) -> float:
     return datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()
 
 
-def find_zone(name: str, where: str) -> tzinfo:
-    """A time zone by its IANA name, ``UTC``, or a fixed offset such as ``+01:00``.
-
-    Raises RecordingError if there is none of that name; similar ones are named.
-    """
-    fixed = _OFFSET.fullmatch(name)
-    if fixed and int(fixed[2]) < 24 and int(fixed[3]) < 60:
-        sign = -1 if fixed[1] == "-" else 1
-        return timezone(sign * timedelta(hours=int(fixed[2]), minutes=int(fixed[3])))
-    if name.upper() in ("UTC", "Z", "GMT"):
-        return UTC
-    try:
-        return ZoneInfo(name)
-    except (KeyError, ValueError, OSError):
-        near = zones_of_country(name) or get_close_matches(name, sorted(available_timezones()), n=3, cutoff=0.6)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise RecordingError(
-            f"{where}: zone is {name!r}; expected an IANA name such as 'Europe/Amsterdam', 'UTC', or an offset such as "
-            f"'+01:00'{hint}"
-        ) from None
-
-
-def zones_of_country(name: str) -> list[str]:
-    """Up to three zones of a country, by its English name or its two letters; none where it is no country.
-
-    From the tables of the time zone database, as tzdata brings them; without it no country is known.
-    """
-    try:
-        tables = files("tzdata") / "zoneinfo"
-        rows = {kind: (tables / f"{kind}.tab").read_text(encoding="utf-8").splitlines() for kind in ("iso3166", "zone")}
-    except (ModuleNotFoundError, FileNotFoundError):
-        return []
-    cells = {kind: [row.split("\t") for row in text if row and row[0] != "#"] for kind, text in rows.items()}
-    codes = {code for code, country in cells["iso3166"] if name.casefold() in (code.casefold(), country.casefold())}
-    return [row[2] for row in cells["zone"] if row[0] in codes][:3]
-
-
 def standard_offset(zone: tzinfo, utc: float) -> float:
     """Standard time minus UTC [s] in the year that begins at ``utc`` [s since 1970]: the smallest offset of its months.
 
@@ -336,12 +297,12 @@ def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors |
     form = settings.format
     if form == "unix":
         name, doubtful = _zone_of(settings, where), np.zeros(len(texts), dtype=bool)
-        find_zone(name, where)
+        find_zone(name)
         utc, notes = _counted(texts, form, settings, where)
     elif form == "excel" or (form == "ISO8601" and _are_serial(texts)):
         name = settings.stamps or _zone_of(settings, where)
         wall, notes = _counted(texts, "excel", settings, where)
-        utc, doubtful, told = of_wall_clock(_dates(wall), find_zone(name, where), name, where, sensors)
+        utc, doubtful, told = of_wall_clock(_dates(wall), find_zone(name), name, where, sensors)
         notes += told
     else:
         utc, doubtful, name, notes = _written(texts, settings, where, sensors)
@@ -357,8 +318,8 @@ def read_stamps(texts: pd.Series, settings: Time, where: str, sensors: Sensors |
         k = int(back[0])
         raise RecordingError(
             f"{where}: time runs backwards from row {k + 1} ({shown(texts.iloc[k])}) to row {k + 2} "
-            f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time"
-            f"{_cut_off(texts, k + 1)}"
+            f"({shown(texts.iloc[k + 1])}) in {back.size} place(s); expected rows in the order of time:"
+            f" sort them, or remove the rows that were written twice{_cut_off(texts, k + 1)}"
         )
     if form not in ("ISO8601", "unix", "excel"):
         _no_months_for_days(utc, texts, settings, where)
@@ -440,10 +401,10 @@ def _written(
             if settings.zone is None:
                 name, told = _zone_of_offsets(texts, settings, where)
                 notes += told
-            find_zone(name or str(settings.zone), where)
+            find_zone(name or str(settings.zone))
             return utc, np.zeros(len(utc), dtype=bool), name, notes
         name = name or _zone_of(settings, where)
-        zone = find_zone(name, where)
+        zone = find_zone(name)
         if settings.format != "ISO8601":  # first: the clock of another day may skip or repeat an hour
             _no_months_for_days(seconds_of(index), texts, settings, where)
         utc, doubtful, told = of_wall_clock(index, zone, name, where, sensors)
@@ -584,6 +545,19 @@ def read_naive(texts: pd.Series, form: str) -> np.ndarray:
         texts, form = texts.str.replace(_STAMPED, "", regex=True).str.strip(), form.removesuffix("%z").rstrip()
     parsed = _parsed(texts, form, False)[0]
     return np.where(parsed.isna(), np.nan, seconds_of(pd.DatetimeIndex(parsed)))
+
+
+def runs_backwards(texts: pd.Series, form: str) -> bool:
+    """Whether stamps (rows,) are newest first, all but the hour that the end of daylight saving repeats."""
+    texts = texts.fillna("").str.strip()
+    try:
+        if form in ("unix", "excel"):
+            steps = np.diff(pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce"))
+        else:
+            steps = np.diff(read_naive(texts, form))
+    except (RecordingError, ValueError, TypeError, ArithmeticError):  # it is said where they are read
+        return False
+    return bool(np.all(steps < 3600.0)) and int((steps > 0).sum()) <= 1 and float(steps.sum()) < 0
 
 
 def _readable(texts: pd.Series, form: str) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from datagen.driving.inputs import schedule_signal
 from datagen.driving.tables import merge
 from diagnosis.measurements import plausible
-from diagnosis.measurements.clock import Clock, find_zone, make_clock
+from diagnosis.measurements.clock import Clock, make_clock
 from diagnosis.measurements.grid import Series, input_target, output_target
 from diagnosis.measurements.judge import Judge
 from diagnosis.measurements.mapping import Mapping, check_against, load_mapping
@@ -32,6 +32,7 @@ from diagnosis.measurements.output import (
 )
 from diagnosis.measurements.table import Measurements, read_measurements
 from diagnosis.measurements.units import COUNTS
+from diagnosis.measurements.zones import find_zone
 from diagnosis.physics import check_physics
 from diagnosis.recording import read_recording
 from shared.errors import RecordingError
@@ -152,7 +153,7 @@ class Composer:
 
     def tell_of_daylight_saving(self, first: int, last: int) -> None:
         """A note where a schedule or habits stand in on days, of steps ``first`` to ``last``, with daylight saving."""
-        zone = find_zone(self.clock.zone, str(self.mapping.path))
+        zone = find_zone(self.clock.zone)
         days = np.unique(np.floor(self.edges[first:last] / DAY)) * DAY + DAY / 2
         moments = [datetime.fromtimestamp(one, UTC).astimezone(zone).utcoffset() for one in self.clock.utc(days)]
         moved = sum(one is not None and one.total_seconds() != self.clock.offset for one in moments)
@@ -225,7 +226,7 @@ def import_recording(
     interval = float(np.median(np.diff(measurements.utc)))
     if length + interval < DAY:
         raise RecordingError(f"{data}: spans {length / 3600:.3g} h; expected at least a day")
-    clock = make_clock(measurements.zone, find_zone(measurements.zone, str(settings[0].path)), measurements.utc[0])
+    clock = make_clock(measurements.zone, find_zone(measurements.zone), measurements.utc[0])
     edges = _edges(described, settings[0], read, clock, ahead)
     facts = {name: value for one in settings for name, value in one.given.items()}
     facing = _facing(described, facts)
@@ -241,6 +242,12 @@ def import_recording(
     first, last = _span(composer, series, ahead)
     for variable in series:
         variable.cut(first, last)
+        if variable.target.role == "output" and not np.isfinite(variable.values).any():
+            composer.notes.append(
+                f"{variable.target.name}: {variable.origin} has no usable reading from"
+                f" {clock.text(edges[first])} to {clock.text(edges[last])}: check its shift, valid and time stamps, or"
+                f" leave variables.{variable.target.name} out"
+            )
     valid = {key: line for one in composers for key, line in one.judge.valid.items()}
     kept = Kept(series, described, composer.step, float(composer.edges[first]), valid)
     stretches = _stretches(composer, kept)

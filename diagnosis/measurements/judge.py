@@ -202,9 +202,10 @@ class Judge:
         differences. Raises RecordingError if there is no such column, or no reading of it can be used.
         """
         column = str(source.column)
-        where = f"{where}: column {column!r}"
         self.used.add(column)
-        readings = self.data.numbers(column, where)
+        states = source.unit in ("", "1", "fraction", *_STATES) or "scale" in source.model_fields_set
+        readings = self.data.numbers(column, where, states=states)
+        where = f"{where}: column {column!r}"
         density = self.mapping.air_density
         kind_of_reading = source.reading or self.mapping.defaults.reading
         if kind_of_reading != "mean":

@@ -114,6 +114,8 @@ def _of_text(path: Path, why: dict[str, str]) -> tuple[dict[str, str], int, int]
     encoding = _encoding(data, why)
     text = data[: 4 * MIB].decode(encoding, errors="ignore").replace("\r\n", "\n").replace("\r", "\n")
     lines = list(islice(io.StringIO(text), LINES))
+    if not text.strip():
+        raise RecordingError(f"{path}: is empty; expected a line of column names and a row for each time")
     separator, width = _separator(lines, path)
     why["separator"] = f"most lines have {width} fields"
     records: list[tuple[int, list[str]]] = []
@@ -185,7 +187,9 @@ def _of_sheet(path: Path, why: dict[str, str]) -> tuple[dict[str, str], int, int
 
 def _names_at(records: Sequence[tuple[int, list[str]]], width: int, path: Path, why: dict[str, str]) -> tuple[int, int]:
     """Which line holds the column names, and how many lines follow it before the readings."""
-    first = next((k for k, (_, row) in enumerate(records) if len(row) >= min(width, 2) and _has_time(row)), None)
+    timed = [len(row) >= max(min(width, 2), width - 1) and _has_time(row) for _, row in records]
+    # a line above the table, as of its period, may hold a date: that of the names, which comes next, does not
+    first = next((k for k, here in enumerate(timed) if here and all(timed[k : k + 2])), None)
     if first is None:
         raise RecordingError(
             f"{path}: no line begins like measurements: none of the first {len(records)} holds a date and time;"

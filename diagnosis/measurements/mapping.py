@@ -11,10 +11,11 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, FiniteFloat, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, Field, Strict, ValidationError, field_validator, model_validator
 
 from datagen.driving.weather import UNITS as WEATHER_UNITS
 from diagnosis.measurements.units import convert
+from diagnosis.measurements.zones import find_zone
 from shared.errors import RecordingError
 from shared.reading import read_toml, short, shown
 from shared.refused import meant
@@ -28,6 +29,9 @@ MEASURABLE = {
 }
 """Weather quantities that a mapping may name, and the unit each is brought to. Cover is a share of the sky; of the
 air's relative humidity and its temperature comes the dew point where none was measured."""
+Number = Annotated[float, Strict()]
+"""Not one in quotation marks, nor true for 1."""
+Whole = Annotated[int, Strict()]
 OPEN = "?"
 """What a draft writes where somebody has to fill something in."""
 
@@ -37,8 +41,8 @@ class File(Table):
 
     separator: str = Field(",", min_length=1, max_length=1, description="between two columns")
     decimal: Literal[".", ","] = Field(".", description="the decimal sign")
-    skip: int = Field(0, ge=0, lt=2**31, description="lines before the line of column names")
-    below: int = Field(0, ge=0, le=100, description="lines between the column names and the readings, as of units")
+    skip: Whole = Field(0, ge=0, lt=2**31, description="lines before the line of column names")
+    below: Whole = Field(0, ge=0, le=100, description="lines between the column names and the readings, as of units")
     sheet: str | None = Field(None, description="the sheet of an Excel file; needed if several have cells")
     encoding: str = Field("utf-8-sig", description="of the text, as Python calls it")
     missing: list[str] = Field(["", "NA", "NaN", "nan", "null", "NULL", "None", "-"], description="texts for no value")
@@ -64,6 +68,16 @@ class Time(Table):
         """The columns of which the stamps are made."""
         return [self.column] if isinstance(self.column, str) else list(self.column)
 
+    @field_validator("zone", "stamps")
+    @classmethod
+    def _known(cls, name: str | None) -> str | None:
+        try:
+            if name is not None:
+                find_zone(name)
+        except RecordingError as error:
+            raise ValueError(str(error)) from None
+        return name
+
     @field_validator("column")
     @classmethod
     def _some(cls, column: str | list[str]) -> str | list[str]:
@@ -75,16 +89,16 @@ class Time(Table):
 class Place(Table):
     """Where the building stands; needed for the sun."""
 
-    latitude: float = Field(ge=-90, le=90, description="[degree] north")
-    longitude: float = Field(ge=-180, le=180, description="[degree] east")
-    altitude: float = Field(0.0, ge=-500, le=9000, description="above the sea [m]")
+    latitude: Number = Field(ge=-90, le=90, description="[degree] north")
+    longitude: Number = Field(ge=-180, le=180, description="[degree] east")
+    altitude: Number = Field(0.0, ge=-500, le=9000, description="above the sea [m]")
 
 
 class Grid(Table):
     """The regular grid of the recording."""
 
-    step: float | None = Field(None, gt=0, description="[s]; the system's own step if not given")
-    coverage: float = Field(0.5, gt=0, le=1, description="least share of a step that readings must cover for a mean")
+    step: Number | None = Field(None, gt=0, description="[s]; the system's own step if not given")
+    coverage: Number = Field(0.5, gt=0, le=1, description="least share of a step that readings must cover for a mean")
 
 
 class Meter(Table):
@@ -92,9 +106,9 @@ class Meter(Table):
 
     column: str = Field(description="a column of the file")
     unit: str = Field(description="what the column is in, as unit = 'degC'")
-    scale: float = Field(1.0, description="readings are multiplied by it")
-    offset: float = Field(0.0, description="and this is added [unit]")
-    persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
+    scale: Number = Field(1.0, description="readings are multiplied by it")
+    offset: Number = Field(0.0, description="and this is added [unit]")
+    persons: Number | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
 
     @model_validator(mode="after")
     def _usable(self) -> Meter:
@@ -109,36 +123,36 @@ class Source(Table):
     """Where a variable comes from: a column, or one constant. Converted is ``scale * reading + offset`` in ``unit``."""
 
     column: str | None = Field(None, description="a column of the file")
-    constant: float | None = Field(None, description="one value throughout [unit], in place of a column")
+    constant: Number | None = Field(None, description="one value throughout [unit], in place of a column")
     unit: str = Field(description="what the column is in, as unit = 'degC'")
-    scale: float = Field(1.0, description="readings are multiplied by it")
-    offset: float = Field(0.0, description="and this is added [unit]")
-    persons: float | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
+    scale: Number = Field(1.0, description="readings are multiplied by it")
+    offset: Number = Field(0.0, description="and this is added [unit]")
+    persons: Number | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
     reading: Literal["point", "mean", "hold"] | None = Field(
         None,
         description="an instant, the mean of an interval, or a state that holds until the next reading; here or in"
         " defaults, needed where means over steps come from readings about a step apart",
     )
     stamp: Literal["start", "end"] | None = Field(None, description="which end of its interval a mean is stamped with")
-    shift: float = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
-    interval: float | None = Field(None, gt=0, description="interval of a mean [s]; the usual spacing if not given")
-    max_gap: float | None = Field(
+    shift: Number = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
+    interval: Number | None = Field(None, gt=0, description="interval of a mean [s]; the usual spacing if not given")
+    max_gap: Number | None = Field(
         None,
         gt=0,
         description="readings further apart leave a gap, and a state holds at most so long [h]; between nearer ones an"
         " output is interpolated, and flagged so",
     )
-    valid: tuple[float, float] | None = Field(None, description="possible values, in ``unit``")
-    stuck_after: float | None = Field(
+    valid: tuple[Number, Number] | None = Field(None, description="possible values, in ``unit``")
+    stuck_after: Number | None = Field(
         None,
         ge=0,
         description="equal readings for longer are rejected [h]; 0: off; if not given, 12 h of what always varies (of"
         " irradiance, with the sun 10 degrees high), and 120 h of no wind",
     )
-    fill: Literal["none", "interpolate"] | float | None = Field(
+    fill: Literal["none", "interpolate"] | Number | None = Field(
         None, description="how an input's gaps are filled: not, by interpolation, or with a constant in ``unit``"
     )
-    fill_up_to: float = Field(3.0, gt=0, description="longest gap that is interpolated [h]")
+    fill_up_to: Number = Field(3.0, gt=0, description="longest gap that is interpolated [h]")
     compare: Meter | None = Field(None, description="a second meter; see below")
 
     @model_validator(mode="after")
@@ -181,7 +195,7 @@ class Mapping(Table):
     system: str | None = Field(None, description="system description, relative to the mapping's folder")
     description: str = Field("", description="what is measured, for reports")
     source: str = Field("", description="where the measurements come from, and their licence")
-    air_density: float = Field(1.2, gt=0, description="turns volume flows into mass flows [kg/m3]")
+    air_density: Number = Field(1.2, gt=0, description="turns volume flows into mass flows [kg/m3]")
     file: File = File()
     time: Time = Field(description="a table [time], with column and zone")
     place: Place | None = None
@@ -189,7 +203,7 @@ class Mapping(Table):
     defaults: Defaults = Defaults()
     variables: dict[str, Source] = Field({}, validate_default=True)
     weather: dict[Annotated[str, AfterValidator(_of_the_weather)], Source] = {}
-    given: dict[str, FiniteFloat] = Field(
+    given: dict[str, Number] = Field(
         {}, description="facts of the building, by the names of the description's `[[given]]`, each in its unit"
     )
     path: Path = Path()
@@ -277,6 +291,7 @@ def check_against(mappings: Sequence[Mapping], system: System) -> None:
                 wrong.append(f"given: {name!r} is no given fact of {system.name}; found {found}{meant(name, facts)}")
             elif (before := brought.setdefault(f"given.{name}", mapping.path)) != mapping.path:
                 wrong.append(f"given.{name}: is in {before}, too; expected it in one of them")
+        wrong += _shared_columns(mapping, system)
         sources = [("variables", name, source, wanted.get(name)) for name, source in mapping.variables.items()]
         sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
         for table, name, source, unit in sources:
@@ -303,6 +318,22 @@ def check_against(mappings: Sequence[Mapping], system: System) -> None:
         raise RecordingError("\n".join(refused))
 
 
+def _shared_columns(mapping: Mapping, system: System) -> list[str]:
+    """Sentences on columns that are taken for an output and for another output or the weather.
+
+    An input may be an output's own readings, replayed.
+    """
+    outputs = {name: one for name, one in mapping.variables.items() if name in system.output_names}
+    named = [(f"variables.{name}", one.column) for name, one in outputs.items()]
+    others = [(f"weather.{name}", one.column) for name, one in mapping.weather.items()]
+    return [
+        f"{where}: column {column!r} is that of {other}, too; expected a column for each"
+        for k, (where, column) in enumerate(named)
+        for other, same in [*named[k + 1 :], *others]
+        if column is not None and column == same
+    ]
+
+
 def missing_columns(mapping: Mapping, columns: Sequence[str]) -> list[str]:
     """Sentences on columns that a mapping names and a file does not have, each with the name that may be meant."""
     named = [("time.column", one) for one in mapping.time.columns]
@@ -311,7 +342,8 @@ def missing_columns(mapping: Mapping, columns: Sequence[str]) -> list[str]:
             named += [(f"{table}.{name}", source.column)] if source.column else []
             named += [(f"{table}.{name}.compare", source.compare.column)] if source.compare else []
     folded = {name.casefold(): name for name in columns}
-    near = {one: get_close_matches(" ".join(one.casefold().split())[:_LONG], folded, n=1) for _, one in named}
+    free = [one for one, name in folded.items() if name not in {column for _, column in named}]
+    near = {one: get_close_matches(" ".join(one.casefold().split())[:_LONG], free, n=1) for _, one in named}
     return [
         f"{where}: no column {one!r}{f'; did you mean {folded[near[one][0]]}?' if near[one] else ''}"
         for where, one in named

@@ -232,6 +232,7 @@ class Outdoors:
             late, correlation, down = weather.sun_clock(signal, daylight)
             if name == "ghi":  # on a facade, the sun's height alone says neither how strong it is nor when strongest
                 judge.tell(plausible.about_level(signal, judge.clock, place))
+                judge.tell(plausible.about_dark(signal, judge.clock, place))
                 if correlation > 0.5 and abs(late) >= 20:
                     judge.tell(
                         f"{what} runs {abs(late):.0f} min {'behind' if late > 0 else 'ahead of'} the sun of this place "

@@ -13,6 +13,7 @@ from diagnosis.measurements.grid import instants_of
 from diagnosis.measurements.mapping import Place, Source
 from diagnosis.measurements.signal import DAY, Signal, usual_interval
 from diagnosis.measurements.weather import Daylight, sun_position
+from diagnosis.measurements.zones import latitude_of
 from shared.schema import IMPOSSIBLE
 
 FEW = 3
@@ -97,6 +98,9 @@ def _dawns(daylight: Daylight) -> np.ndarray:
 SPARSE, LONG, IRREGULAR = 3.0, 3600.0, 0.3
 """A column read so many times less often than the file's rows, and less than hourly [s] or at spacings that differ by
 this share of their mean, is logged when it changes."""
+FAR = 30.0
+"""Degrees of latitude that a place may lie from the town that its zone is named after: Russia's, China's and Chile's
+zones reach over twenty."""
 OFF = 1.75
 """Hours that a zone's standard time may differ from that of the sun: Iceland's do by one and a half."""
 REGISTER = 24
@@ -107,6 +111,9 @@ RESETS = 0.01
 """Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
 FAINT = 10.0
 """Irradiance that never passes this [W/m2] is of the months without a sun."""
+UNLIT, SELDOM_UNLIT = 0.03, 0.02
+"""Share of a clear sky's irradiance that even the thickest cloud lets through, and share of readings by day that may be
+below it."""
 DARK, BRIGHT = 0.3, 1.4
 """Shares of a clear sky's highest irradiance that the highest of some days does not stay below, nor pass."""
 COARSE = 0.25
@@ -290,6 +297,12 @@ def about_zone(clock: Clock, place: Place | None) -> str | None:
         )
     if place is None:
         return None
+    where = latitude_of(clock.zone)
+    if where is not None and abs(where - place.latitude) > FAR:
+        return (
+            f"place has latitude {place.latitude:g}, and the town of zone {clock.zone} lies at {where:.0f}: check"
+            " place.latitude (south is negative) and time.zone"
+        )
     off = (clock.offset / 3600.0 - place.longitude / 15.0 + 12.0) % 24.0 - 12.0
     if abs(off) <= OFF:
         return None
@@ -316,19 +329,36 @@ def is_light(ghi: Signal) -> bool:
     return float(np.quantile(ghi.clean().values, 0.98)) > FAINT
 
 
+def about_dark(ghi: Signal, clock: Clock, place: Place) -> str | None:
+    """A sentence if global horizontal irradiance is darker than any cloud makes it while the sun of the place is up."""
+    values, clear = _by_day(ghi, clock, place)
+    dark = float(np.mean(values < UNLIT * clear)) if len(values) >= REGISTER else 0.0
+    if dark <= SELDOM_UNLIT:
+        return None
+    return (
+        f"it is dark in {dark:.0%} of the readings with the sun over 10 degrees high at latitude {place.latitude:g},"
+        f" longitude {place.longitude:g}: check place (south and west are negative), time.zone, and the sensor"
+    )
+
+
 def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:
-    """A sentence if global horizontal irradiance is far from what any sky lets through (sun above 10 degree).
+    """A sentence if global horizontal irradiance is far from what any sky lets through."""
+    values, clear = _by_day(ghi, clock, place)
+    if len(values) < REGISTER:
+        return None
+    # of the highest each: at a low sun, a hill or a late clock makes any ratio
+    share = float(np.quantile(values, 0.98) / np.quantile(clear, 0.98))
+    if DARK <= share <= BRIGHT:
+        return None
+    return f"the irradiance reaches {share:.3g} of a clear sky's in its best hours: check its unit, and place"
+
+
+def _by_day(ghi: Signal, clock: Clock, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Irradiance with the sun above 10 degree, and a clear sky's then, (readings,) each [W/m2].
 
     Clear sky: 910 sin(h) - 30 W/m2 (Kasten and Czeplak 1980).
     """
     clean = ghi.clean()
     zenith, _ = sun_position(clock.utc(clean.middle), place)
-    up = zenith < 80.0
-    if up.sum() < REGISTER:
-        return None
-    clear = 910.0 * np.cos(np.radians(zenith[up])) - 30.0
-    # of the highest each: at a low sun, a hill or a late clock makes any ratio
-    share = float(np.quantile(clean.values[up], 0.98) / np.quantile(clear, 0.98))
-    if DARK <= share <= BRIGHT:
-        return None
-    return f"the irradiance reaches {share:.3g} of a clear sky's in its best hours: check its unit, and place"
+    up = zenith < _HIGH
+    return clean.values[up], 910.0 * np.cos(np.radians(zenith[up])) - 30.0

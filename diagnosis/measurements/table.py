@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from diagnosis.measurements.clock import read_stamps
+from diagnosis.measurements.clock import read_stamps, runs_backwards
 from diagnosis.measurements.formats import Rows, kind_of, read_rows
 from diagnosis.measurements.mapping import File, Mapping, missing_columns
 from diagnosis.measurements.units import LARGEST
@@ -155,10 +155,11 @@ class Measurements:
     twice: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
 
-    def numbers(self, name: str, where: str) -> np.ndarray:
+    def numbers(self, name: str, where: str, *, states: bool = True) -> np.ndarray:
         """A column as numbers, NaN where there is none, shape (rows,) [as in the file].
 
-        Raises RecordingError if the file has no such column, or most of it is text or nothing.
+        ``states`` says that texts such as on and off are 1 and 0. Raises RecordingError if the file has no such column,
+        or most of it is text or nothing.
         """
         if name in self.twice:
             raise RecordingError(f"{where}: {self.path} has several columns {name!r}; expected a name for each")
@@ -170,14 +171,17 @@ class Measurements:
         if name not in self.numeric:
             text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
         self.notes += [f"column {name}: {one}" for one in notes]
-        text = text.str.lower().replace(_TRUE)
+        if states:
+            text = text.str.lower().replace(_TRUE)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
         values = np.where(np.abs(values) <= LARGEST, values, np.nan)
         odd = text.notna().to_numpy() & np.isnan(values)
         if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None
             found = "is empty" if example is None else f"holds text such as {shown(example)} in {int(odd.sum())} rows"
-            raise RecordingError(f"{where}: column {name!r} of {self.path} {found}; expected numbers (file.decimal?)")
+            state = text.str.lower().isin(_TRUE).any()
+            remedy = "(scale = what ON stands for, in the unit, as scale = 2.5)" if state else "(file.decimal?)"
+            raise RecordingError(f"{where}: column {name!r} of {self.path} {found}; expected numbers {remedy}")
         if odd.any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])]
             self.notes.append(f"column {name}: {int(odd.sum())} texts such as {example!r} are taken as missing")
@@ -206,6 +210,9 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     frame, dropped = _without_empty(frame, mapping)
     notes += dropped
     stamps = joined(frame, mapping.time.columns)
+    if runs_backwards(stamps, mapping.time.format):
+        notes.append("rows are newest first, and are read from the last one on")
+        frame, stamps = frame[::-1].reset_index(drop=True), stamps[::-1].reset_index(drop=True)
     check_first_row(frame, stamps, [one for one in _mapped(mapping) if one not in mapping.time.columns], path)
     read = partial(_read, frame, mapping)
     where = f"{path}: column {' and '.join(repr(one) for one in mapping.time.columns)}"
@@ -316,6 +323,8 @@ def read_file(path: Path, settings: File, name: str) -> Rows:
         rows = read_rows(path, read_bytes(path, RecordingError, "measurements", MOST), kind, settings)
     else:
         text = _text(path, settings)
+        if not text.strip():
+            raise RecordingError(f"{path}: is empty; expected a line of column names and a row for each time")
         check_columns(text, settings.separator, f"{path}", RecordingError)
         frame, notes = _table(text, settings, path, name)
         notes += _broken_lines(frame, settings, path) if '"' in text else []

@@ -111,6 +111,10 @@ def test_a_hall_that_is_not_the_descriptions():
     for heat, found in ((noise, True), (noise - 500.0, False)):
         said = check_physics(metered, replace(cooled, outputs=np.concatenate([cooled.outputs, heat])))
         assert any("is cooled" in one.sentence for one in said) == found
+        warm = replace(recording, outputs=np.concatenate([recording.outputs, heat]))
+        said = check_physics(metered, warm)
+        turned = ["If it heats, write scale = -1 under [variables.meter]."]
+        assert [one.remedy for one in said] == ([] if found else turned)
     crowded = replace(recording, inputs=recording.inputs | {"heads": 2.0 * recording.inputs["heads"]})
     assert any("and the description has 20 at most" in one.sentence for one in check_physics(HALL, crowded))
     quick = with_output(recording, "breathed", 420.0 + 4 * (output(recording, "breathed") - 420.0))

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.measurements.clock import find_zone, formats_of, make_clock, read_stamps, standard_offset
+from diagnosis.measurements.clock import formats_of, make_clock, read_stamps, standard_offset
 from diagnosis.measurements.mapping import Time
+from diagnosis.measurements.zones import find_zone
 from shared.errors import RecordingError
 
 ZONES = ["Europe/Amsterdam", "America/New_York", "Australia/Sydney", "Australia/Lord_Howe", "Europe/Dublin", "UTC"]
@@ -143,7 +144,7 @@ def test_the_end_of_a_day_is_the_next_ones_beginning(form, texts):
 def test_standard_time_knows_no_daylight_saving(zone, hours):
     for month in (1, 7):
         moment = datetime(2022, month, 3, tzinfo=UTC).timestamp()
-        assert standard_offset(find_zone(zone, "file"), moment) == hours * 3600
+        assert standard_offset(find_zone(zone), moment) == hours * 3600
 
 
 @given(
@@ -153,7 +154,7 @@ def test_standard_time_knows_no_daylight_saving(zone, hours):
 )
 def test_a_remainder_gives_time_of_day_and_weekday(moment, later, zone):
     first = moment.replace(tzinfo=UTC).timestamp()
-    clock = make_clock(zone, find_zone(zone, "file"), first)
+    clock = make_clock(zone, find_zone(zone), first)
     seconds = float(clock.seconds(np.array([first + later]))[0])
     local = moment + timedelta(seconds=later + clock.offset)
     assert seconds % 86400 == local.hour * 3600 + local.minute * 60 + local.second

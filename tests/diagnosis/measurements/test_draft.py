@@ -82,7 +82,10 @@ def two_headers(frame, path):
     frame.insert(1, "clock", time.dt.strftime("%I:%M:%S %p"))
     names, *rows = frame.to_csv(index=False, sep="\t").splitlines()
     units = "\t\t°C\tppm\tkW\tm3/h\t°C\tm/s\tW/m²"
-    path.write_text("\n".join(["Plant 7\texport", "", names, units, *rows]), encoding="utf-8")
+    path.write_text(
+        "\n".join(["Plant 7\texport", "Period\t01/01/2001 00:00\t22/01/2001 00:00", "", names, units, *rows]),
+        encoding="utf-8",
+    )
     return {name.removesuffix("_degC"): to for name, to in TRUTH.items()}
 
 

@@ -1,7 +1,7 @@
 """Readings that are something else than they are declared as."""
 
 import re
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pandas as pd
@@ -80,7 +80,15 @@ def told(report, words):
 
 def test_what_is_as_declared_is_not_suspected(house):
     report = house(measured()[0])
-    for words in ("register", "logged when it", "clear sky's", "the sun at longitude", "run by it"):
+    for words in (
+        "register",
+        "logged when it",
+        "clear sky's",
+        "the sun at longitude",
+        "the town of zone",
+        "it is dark in",
+        "run by it",
+    ):
         assert not told(report, words), report.notes
 
 
@@ -93,6 +101,21 @@ def test_a_register_is_told_from_a_power(house):
 def test_an_irradiance_in_another_unit_is_told(house):
     frame, _ = measured()
     assert told(house(frame.assign(sun=frame["sun"] / 1000)), "of a clear sky's in its best hours: check its unit")
+
+
+def test_a_latitude_without_its_sign_is_told(house):
+    frame, _ = measured()
+    south = MAPPING.replace("latitude = 52.0", "latitude = -52.0")
+    report = house(frame, south)
+    assert told(report, "the town of zone Europe/Amsterdam lies at 52: check place.latitude (south is negative)")
+    winter, _ = measured(first=datetime(2022, 11, 3, 23, 0, tzinfo=UTC))
+    nameless = house(winter, south.replace("Europe/Amsterdam", "+01:00"), out="nameless.nc")
+    assert told(nameless, "with the sun over 10 degrees high at latitude -52") and not told(nameless, "the town of")
+
+
+def test_an_output_of_which_nothing_is_left_is_told(house):
+    gone = MAPPING.replace('"kW"\n', '"kW"\nshift = 1e9\n', 1)
+    assert told(house(measured()[0], gone), "gas: kilowatts [kW] has no usable reading from 2022-")
 
 
 def universal(frame):

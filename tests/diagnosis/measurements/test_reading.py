@@ -40,6 +40,16 @@ def test_line_ends_and_marks_of_any_system(read, end, encoding):
     assert list(found.columns["note"]) == ["a, b", "c", ""]
 
 
+def test_a_file_whose_newest_row_comes_first_is_read_from_its_end(read):
+    names, *rows = TEXT.strip().split("\n")
+    found = read("\n".join([names, *rows[::-1]]).encode())
+    np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
+    assert list(found.columns["note"]) == ["a, b", "c", ""]
+    assert found.notes == ["rows are newest first, and are read from the last one on"]
+    with pytest.raises(RecordingError, match=r"time runs backwards from row 2 .* sort them, or remove the rows that"):
+        read("\n".join([names, *rows[1:], rows[0]]).encode())
+
+
 @pytest.mark.parametrize(
     ("content", "file", "said"),
     [
@@ -61,7 +71,7 @@ def test_line_ends_and_marks_of_any_system(read, end, encoding):
             "line 5 has 4 fields, separated by ',', and lines before it 3",
         ),
         (TEXT.encode() + b"2022-1", {}, r"row 4 \('2022-1'\) .*; it is the last one and shorter .*cut off there\?"),
-        (b"", {}, "not readable as CSV"),
+        (b"\n", {}, "is empty; expected a line of column names"),
         (TEXT.splitlines()[0].encode(), {}, "has 0 rows; expected at least a day"),
     ],
 )

@@ -30,7 +30,28 @@ from tests.small_disk import SAID, small_disk
             MAPPING,
             r"no inputs are missing \(outdoors in .*fill_up_to = \d+ under \[weather.temp_air\]",
         ),
-        (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "zone is 'Mars/Olympus'"),
+        (None, MAPPING.replace("Europe/Amsterdam", "Mars/Olympus"), "time.zone: is 'Mars/Olympus'"),
+        (
+            None,
+            MAPPING.replace("scale = 2.4", 'scale = "2.4"'),
+            "variables.air.scale: is '2.4'; expected a number, with",
+        ),
+        (None, MAPPING.replace("fill = 0.0", "fill = true"), "variables.air.fill: is True; expected"),
+        (
+            None,
+            MAPPING.replace('"kilowatts"', '"room"'),
+            "variables.warmth: column 'room' is that of variables.gas, too",
+        ),
+        (
+            None,
+            MAPPING.replace('"outside"', '"room"'),
+            "variables.warmth: column 'room' is that of weather.temp_air, too",
+        ),
+        (
+            lambda d: d.assign(kilowatts=np.where(d["kilowatts"] > 0, "ON", "Off")),
+            MAPPING,
+            r"gas: column 'kilowatts' of .* holds text such as 'O.*; expected numbers \(scale = what ON stands for",
+        ),
         (None, MAPPING.replace("Europe/Amsterdam", "germany"), "did you mean Europe/Berlin or Europe/Busingen"),
         (None, MAPPING.replace("variables.gas", "variables.gaz"), "'gaz' is neither output nor input of House"),
         (

@@ -88,7 +88,7 @@ def test_a_log_of_another_time_or_without_its_pair_is_refused(logs, tmp_path):
 
 
 def test_what_two_mappings_bring_is_refused_with_all_other_mistakes(logs, tmp_path):
-    logs[2].write_text(STATION + '[variables.TRoo]\ncolumn = "outdoor_degC"\nunit = "degC"\n')
+    logs[2].write_text(STATION + '[variables.TRoo]\ncolumn = "wind"\nunit = "degC"\n')
     logs[0].write_text(logs[0].read_text().replace("[variables.CO2]", "[variables.CO3]"))
     with pytest.raises(RecordingError) as found:
         import_recording(*logs, out=tmp_path / "two.nc")

@@ -7,16 +7,17 @@ import pandas as pd
 import pvlib
 import pytest
 
-from diagnosis.measurements.clock import find_zone, make_clock
+from diagnosis.measurements.clock import make_clock
 from diagnosis.measurements.mapping import Place
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.weather import Daylight, cloud_cover, global_of, on_the_plane, sky, sun_clock
+from diagnosis.measurements.zones import find_zone
 from shared.schema import COMPUTED
 from shared.signals import Weather
 
 PLACE = Place(latitude=52.5, longitude=6.1, altitude=5.0)
 FIRST = pd.Timestamp("2022-04-30 23:00", tz="UTC")
-CLOCK = make_clock("Europe/Amsterdam", find_zone("Europe/Amsterdam", ""), FIRST.timestamp())
+CLOCK = make_clock("Europe/Amsterdam", find_zone("Europe/Amsterdam"), FIRST.timestamp())
 HORIZONTAL = Weather(files=["x"], surface_tilt=0.0, surface_azimuth=180.0)
 SOUTH = Weather(files=["x"], surface_tilt=90.0, surface_azimuth=180.0, albedo=0.2)
 
