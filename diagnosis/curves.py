@@ -26,10 +26,10 @@ PALETTE = 256
 """In a picture's palette, the most that a byte for each pixel tells apart: a page is a third of its size so."""
 
 
-def figure(rows: int = 1, *, height: float = 2.0, width: float = 10.0, sharex: bool = True) -> tuple[Figure, list[Any]]:
+def figure(rows: int = 1, *, height: float = 2.0, width: float = 10.0) -> tuple[Figure, list[Any]]:
     """A figure of panels one above the other, without any window."""
     made = Picture(figsize=(width, height * rows + 0.4), layout="constrained")
-    panels = made.subplots(rows, 1, sharex=sharex, squeeze=False)[:, 0]
+    panels = made.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for panel in panels:
         panel.grid(alpha=0.25)
         panel.spines[["top", "right"]].set_visible(False)

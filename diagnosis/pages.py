@@ -15,6 +15,8 @@ from shared.numbers import chance, number
 from shared.variables import spaced
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from shared.system import System
 
 
@@ -95,6 +97,13 @@ def whole(folder: Path) -> Iterator[Path]:
             path.replace(folder / path.name)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+
+
+def write_answer(folder: Path, name: str, report: BaseModel, page: str) -> None:
+    """Write what was found as JSON and as HTML under one name into a folder, both or none."""
+    with whole(folder) as draft:
+        (draft / f"{name}.json").write_text(report.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        (draft / f"{name}.html").write_text(page, encoding="utf-8")
 
 
 def input_labels(system: System) -> dict[str, str]:

@@ -50,7 +50,7 @@ class Experiment(Table):
     """How long and how finely a system is simulated."""
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
-    hours: float = Field(8760.0, gt=0, description="length of the record [h]")
+    hours: float = Field(8760.0, gt=0, le=1e6, description="length of the record [h]")
     start: tuple[float, float] = Field(
         (0.0, 0.0), description="a record begins at a midnight between these hours, at the first if there is none [h]"
     )

@@ -34,7 +34,6 @@ from diagnosis.blind.verdicts import (
     WITHOUT,
     Moved,
     Outcome,
-    Parameter,
     Place,
     Run,
     Shrunk,
@@ -160,16 +159,13 @@ def verdict_of(report: Report) -> Verdict:
         named=[one.name for one in report.effects if one.named],
         chosen=list(report.stages[-1].effects),
         sizes={
-            one.name: Sized(value=one.amplitude, low=one.low, high=one.high)
+            one.name: Sized(low=one.low, high=one.high)
             for one in report.effects
-            if one.named and one.amplitude is not None and one.low is not None and one.high is not None
+            if one.named and one.low is not None and one.high is not None
         },
-        where=[Place(channel=one.channel, kind=one.kind, p_value=one.p_value) for one in report.where],
-        shrinkage={one.channel: Shrunk(share=one.share, low=one.low, high=one.high) for one in report.shrinkage},
-        parameters={
-            one.name: Moved.model_validate({key: getattr(one, key) for key in Moved.model_fields})
-            for one in report.parameters
-        },
+        where=[Place.model_validate(one, from_attributes=True) for one in report.where],
+        shrinkage={one.channel: Shrunk(share=one.share) for one in report.shrinkage},
+        parameters={one.name: Moved.model_validate(one, from_attributes=True) for one in report.parameters},
     )
 
 
@@ -368,10 +364,6 @@ def run(
         answers_sha256=manifest["answers_sha256"],
         library=[name for name in names if name not in without],
         without=sorted(without),
-        parameters=[
-            Parameter(name=one.name, unit=one.unit, min=one.min, max=one.max, scale=one.scale)
-            for one in described.parameters
-        ],
         settings={
             "estimator": None if estimator is None else str(estimator),
             "seed": seed,

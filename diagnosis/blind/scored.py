@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
 from pydantic import BaseModel, ConfigDict
 
 DETECTABLE = (
@@ -11,6 +14,8 @@ DETECTABLE = (
     " as there are candidates (5 % false alarms in all, 90 % power). It was worked out when the set was made, and"
     " sealed."
 )
+BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Edges of bins of probabilities."""
 
 
 class _Table(BaseModel):
@@ -73,3 +78,14 @@ class Score(_Table):
     lines: list[Line]
     answers: dict[str, dict[str, int]]
     reliability: list[Bin]
+
+
+def binned(
+    said: Mapping[str, list[tuple[float, bool]]],
+) -> Iterator[tuple[str, float, float, list[float], list[bool]]]:
+    """Probabilities and whether it was so, by what they are of and by bins: of each that has any, its ends and both."""
+    for what, pairs in said.items():
+        for low, high in pairwise(BINS):
+            some = [(p, true) for p, true in pairs if low <= p and (p < high or high == BINS[-1])]
+            if some:
+                yield what, low, high, [p for p, _ in some], [true for _, true in some]

@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import bootstrap, norm
 
-from diagnosis.blind.scored import Bin, Line, Score
+from diagnosis.blind.scored import Bin, Line, Score, binned
 from diagnosis.blind.sealed import MANIFEST, commands, open_answers, read_manifest
 from diagnosis.blind.verdicts import (
     ANSWERS,
@@ -24,7 +23,6 @@ from diagnosis.blind.verdicts import (
     WITHOUT,
     Moved,
     Outcome,
-    Parameter,
     Run,
     Verdict,
     check_program,
@@ -48,8 +46,6 @@ SAME = 0.5
 """A channel is right when its sealed gap over noise is at least this share of the largest channel's."""
 WITHHELD = "withheld"
 """Stratum of recordings whose only cause was withheld from the library."""
-BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Edges of bins of probabilities."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +162,7 @@ def score(
         left_out_failures={
             row.answer["file"]: row.again.failure for row in rows if row.again is not None and row.again.verdict is None
         },
-        lines=_lines(rows, opened["recordings"], run.parameters, seed),
+        lines=_lines(rows, opened["recordings"], seed),
         answers=_answers(rows),
         reliability=_reliability(rows),
     )
@@ -292,9 +288,7 @@ def _ratio(over: np.ndarray, under: np.ndarray, axis: int) -> Any:
     return over.mean(axis=axis) / under.mean(axis=axis)
 
 
-def _lines(
-    rows: Sequence[Row], answers: Sequence[dict[str, Any]], parameters: Sequence[Parameter], seed: int
-) -> list[Line]:
+def _lines(rows: Sequence[Row], answers: Sequence[dict[str, Any]], seed: int) -> list[Line]:
     """All figures, those that are wanted first."""
     none = [row for row in rows if row.truth == "no_gap"]
     seen = [row for row in rows if row.detectable]
@@ -308,7 +302,7 @@ def _lines(
     used = [row.outcome.cpu_seconds for row in rows if row.outcome.cpu_seconds is not None]
 
     def intervals(what: str, some: Sequence[Row], *, after: bool = False, wanted: float | None = None) -> Line:
-        held = [share for row in some if (share := _covered(row, parameters, after)) is not None]
+        held = [share for row in some if (share := _covered(row, after)) is not None]
         return _drawn(f"90 % intervals of parameters that cover, {what}", held, seed=seed, share=True, wanted=wanted)
 
     return [
@@ -412,10 +406,10 @@ def _sizes(rows: Sequence[Row]) -> list[bool]:
     return found
 
 
-def _covered(row: Row, parameters: Sequence[Parameter], after: bool) -> float | None:
+def _covered(row: Row, after: bool) -> float | None:
     """Share of a recording's intervals that hold the true parameter, with what was named added or without."""
     moved = row.outcome.verdict.parameters if row.outcome.verdict is not None else {}
-    ends = [(one.name, _ends(moved[one.name], after)) for one in parameters if one.name in moved]
+    ends = [(name, _ends(one, after)) for name, one in moved.items()]
     held = [pair[0] <= row.answer["parameters"][name] <= pair[1] for name, pair in ends if pair is not None]
     return float(np.mean(held)) if held else None
 
@@ -447,11 +441,7 @@ def _reliability(rows: Sequence[Row]) -> list[Bin]:
         if verdict.probabilities:
             name = max(verdict.probabilities, key=lambda one: verdict.probabilities[one])
             said["the foremost candidate"].append((verdict.probabilities[name], name in row.effects))
-    found = []
-    for what, pairs in said.items():
-        for low, high in pairwise(BINS):
-            some = [(p, true) for p, true in pairs if low <= p and (p < high or high == BINS[-1])]
-            if some:
-                mean = float(np.mean([p for p, _ in some]))
-                found.append(Bin(what=what, low=low, high=high, said=mean, true=counted(what, [t for _, t in some])))
-    return found
+    return [
+        Bin(what=what, low=low, high=high, said=float(np.mean(some)), true=counted(what, true))
+        for what, low, high, some, true in binned(said)
+    ]

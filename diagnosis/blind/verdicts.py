@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from shared.errors import RecordingError
 from shared.reading import read_json, validated
@@ -40,35 +40,29 @@ class Place(_Table):
 
     channel: str
     kind: str = "cell"
-    p_value: float = Field(ge=0, le=1)
 
 
 class Shrunk(_Table):
-    """The share of one channel's gap that was removed on the scored part, and the ends of its interval."""
+    """The share of one channel's gap that was removed on the scored part."""
 
     share: float | None
-    low: float | None
-    high: float | None
 
 
 class Moved(_Table):
-    """A parameter without and with the effect [its unit], each with the ends of its 90 % interval.
+    """The ends of a parameter's 90 % intervals, without and with the effect [its unit].
 
-    ``after`` is empty where no effect was added, intervals in verdicts from before they were asked for.
+    Those ``after`` are empty where no effect was added, all of them in verdicts from before they were asked for.
     """
 
-    before: float
     before_low: float | None = None
     before_high: float | None = None
-    after: float | None = None
     after_low: float | None = None
     after_high: float | None = None
 
 
 class Sized(_Table):
-    """The amplitude of an effect and the ends of its 90 % interval [unit of the effect]."""
+    """The ends of the 90 % interval of an effect's amplitude [unit of the effect]."""
 
-    value: float
     low: float
     high: float
 
@@ -136,16 +130,6 @@ class Withheld(_Table):
     outcomes: dict[str, Outcome]
 
 
-class Parameter(_Table):
-    """One estimated parameter as the description has it; errors are measured in shares of its range."""
-
-    name: str
-    unit: str
-    min: float
-    max: float
-    scale: str
-
-
 class Run(_Table):
     """How a run was made; a run that goes on must be the same.
 
@@ -158,7 +142,6 @@ class Run(_Table):
     answers_sha256: str
     library: list[str]
     without: list[str] = []
-    parameters: list[Parameter] = []
     settings: dict[str, Any] = {}
     version: str = ""
     program: str = ""

@@ -9,14 +9,13 @@ import xarray as xr
 
 from datagen.simulating.simulator import Simulator
 from diagnosis.calibrating.calibrated import Calibrated
-from diagnosis.calibrating.schema import Calibration, read_calibration, summarise
+from diagnosis.calibrating.schema import summarise
 from diagnosis.fitting.failures import said_by
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
 from diagnosis.fitting.simulations import Simulations, side_by_side, simulations
 from diagnosis.fitting.starting import PRIOR
-from diagnosis.pages import whole
 from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
 from diagnosis.usual import STARTS, WARM_UP
@@ -89,7 +88,6 @@ def taken(
 
 
 SPANS = {"fitting": (0.0, 1.0)}
-__all__ = ["Calibrated", "Calibration", "calibrate", "read_calibration", "whole"]
 
 
 def calibrate(
@@ -102,7 +100,6 @@ def calibrate(
     occupancy: str | None = None,
     stretch: Stretch | None = None,
     noise: str = "sensor",
-    estimate_noise: bool = True,
     starts: int = STARTS,
     warm_up: float = WARM_UP,
     seed: int = 0,
@@ -127,9 +124,7 @@ def calibrate(
     stretch
         Which stretch without gaps of a recording's inputs is taken; the longest, if not given.
     noise
-        A noise preset of the description.
-    estimate_noise
-        Estimate by how much the outputs' errors exceed that, and how slow they are.
+        A noise preset of the description; by how much errors exceed it, and how slow they are, is estimated.
     starts
         Starts at most. Further ones are drawn from the prior, and tried where a fit leaves more than noise.
     warm_up
@@ -180,7 +175,7 @@ def calibrate(
         begins = [(f"{run}" if run is not None else PRIOR, problem.unknowns(zero_shot))]
         begins += [("a draw of the prior", one) for one in others]
         with said_by(record.path):
-            found = fit(problem, begins, estimate_noise=estimate_noise)
+            found = fit(problem, begins, estimate_noise=True)
         report = summarise(found, zero_shot, doubt_of(described))
         report = report.model_copy(update={"physics": check_physics(described, record)})
         done = Calibrated(report, found)

@@ -13,7 +13,7 @@ from diagnosis.calibrating.calibrated import Calibrated
 from diagnosis.calibrating.schema import CORRELATED, Calibration, Parameter
 from diagnosis.curves import BLUE, GREY, ORANGE, RED, dates, embedded, figure, range_ends, readable
 from diagnosis.fitting.runs import LIMIT, within_limit
-from diagnosis.pages import long_named, page_environment, whole, within_sentence
+from diagnosis.pages import long_named, page_environment, within_sentence, write_answer
 from diagnosis.panels import Curve, Panel
 from diagnosis.physics import hints, warnings
 from diagnosis.recording import DAY, HOUR
@@ -187,11 +187,7 @@ _MANY = 12
 
 def write_calibration(done: Calibrated, folder: Path) -> None:
     """Write ``calibration.json`` and ``calibration.html`` into a folder, both or none."""
-    page = render(done)
-    with whole(folder) as draft:
-        text = done.report.model_dump_json(indent=1)
-        (draft / "calibration.json").write_text(text + "\n", encoding="utf-8")
-        (draft / "calibration.html").write_text(page, encoding="utf-8")
+    write_answer(folder, "calibration", done.report, render(done))
 
 
 def render(done: Calibrated) -> str:

@@ -124,8 +124,37 @@ class Effect(Protocol):
         ...
 
 
+class Idle:
+    """What an effect does at the places where it does not act; and what it says of itself."""
+
+    name: str
+    description: str
+    kind: str
+    unit: str
+    scale: float
+    lower: float
+    upper: float
+
+    @property
+    def moves_in_time(self) -> frozenset[str]:
+        """Inputs that the effect lets come earlier or later: none."""
+        return frozenset()
+
+    def parameters(self, amplitude: float) -> dict[str, float]:
+        """No parameter."""
+        return {}
+
+    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
+        """The inputs as they are."""
+        return inputs
+
+    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """The outputs as they are."""
+        return outputs
+
+
 @dataclass(frozen=True)
-class Nothing:
+class Nothing(Idle):
     """An effect that acts nowhere, whatever its amplitude: the base of the others."""
 
     name: str
@@ -141,26 +170,9 @@ class Nothing:
         """Nothing."""
         return frozenset()
 
-    @property
-    def moves_in_time(self) -> frozenset[str]:
-        """No input."""
-        return frozenset()
-
     def obstacle(self, recording: Recording, *, replay: bool) -> str:
         """None."""
         return ""
-
-    def parameters(self, amplitude: float) -> dict[str, float]:
-        """No parameter."""
-        return {}
-
-    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
-        """The inputs as they are."""
-        return inputs
-
-    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """The outputs as they are."""
-        return outputs
 
 
 def moved_in_time(effect: Effect) -> frozenset[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from datagen.driving.tables import Piecewise
+from diagnosis.effects.base import Idle
 from diagnosis.effects.shapes import joined, shape_signal
 from diagnosis.recording import DAY, Recording
 from shared.effects import DiurnalShape, InputEffect, ParameterEffect, SensorEffect, Shape, ShapedEffect, TimetableShape
@@ -19,51 +20,19 @@ MOST = 0.25
 
 
 @dataclass(frozen=True)
-class DeclaredKind:
-    """An effect that was declared; ``input_names`` and ``output_names`` are the system's, in its order.
+class DeclaredKind(Idle):
+    """An effect that was declared, and has its name, bounds and so on; ``output_names`` are the system's, in its order.
 
     ``means``: outputs that are means over the recording's steps.
     """
 
     spec: Declared
-    input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     means: frozenset[str] = frozenset()
 
-    @property
-    def name(self) -> str:
-        """As declared."""
-        return self.spec.name
-
-    @property
-    def description(self) -> str:
-        """As declared."""
-        return self.spec.description
-
-    @property
-    def kind(self) -> str:
-        """As declared."""
-        return self.spec.kind
-
-    @property
-    def unit(self) -> str:
-        """Of the amplitude."""
-        return self.spec.unit
-
-    @property
-    def scale(self) -> float:
-        """Standard deviation expected of the amplitude [unit]."""
-        return self.spec.scale
-
-    @property
-    def lower(self) -> float:
-        """Least amplitude [unit]."""
-        return self.spec.lower
-
-    @property
-    def upper(self) -> float:
-        """Greatest amplitude [unit]."""
-        return self.spec.upper
+    def __post_init__(self) -> None:
+        # as attributes of its own: what is only found by __getattr__ is no part of a protocol to isinstance
+        vars(self).update({name: getattr(self.spec, name) for name in Idle.__annotations__})
 
     @property
     def owns(self) -> frozenset[str]:
@@ -74,11 +43,6 @@ class DeclaredKind:
     def changes(self) -> frozenset[str]:
         """What the effect touches."""
         return self.owns
-
-    @property
-    def moves_in_time(self) -> frozenset[str]:
-        """Inputs that the effect lets come earlier or later."""
-        return frozenset()
 
     @property
     def follows(self) -> frozenset[str]:
@@ -100,18 +64,6 @@ class DeclaredKind:
     def invented(self, time: np.ndarray) -> np.ndarray:
         """Readings, shape (outputs, steps), that some amplitude takes from beyond the recording's ``time`` (steps,)."""
         return np.zeros((len(self.output_names), len(time)), dtype=bool)
-
-    def parameters(self, amplitude: float) -> dict[str, float]:
-        """No parameter."""
-        return {}
-
-    def inputs(self, amplitude: float, inputs: dict[str, Piecewise], recording: Recording) -> dict[str, Piecewise]:
-        """The inputs as they are."""
-        return inputs
-
-    def outputs(self, amplitude: float, outputs: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """The outputs as they are."""
-        return outputs
 
     def _shapes(self) -> list[Shape]:
         return []

@@ -128,9 +128,6 @@ def _wrong(effect: Effect, what: str, found: str) -> SystemDescriptionError:
     return SystemDescriptionError(f"effect {effect.name!r} ({type(effect).__module__}): {what} {found}")
 
 
-__all__ = ["check_parameters", "inputs_of", "outputs_of", "parameters_of"]
-
-
 ENTRY_POINTS = "zeroshot_fmu.effects"
 
 
@@ -205,7 +202,7 @@ def build(spec: Declared, system: System) -> Effect:
         if not isinstance(shape, TimetableShape | DiurnalShape):
             known(shape.series, inputs + outputs, "an input or output")
     kind = {"parameter": FmuParameters, "shaped": Shaped, "input": ChangedInput, "sensor": Sensor}[spec.kind]
-    return kind(spec, inputs, outputs, frozenset(one.name for one in system.outputs if one.method == "mean"))
+    return kind(spec, outputs, frozenset(one.name for one in system.outputs if one.method == "mean"))
 
 
 def _loaded(entry: EntryPoint, system: System) -> list[Effect]:

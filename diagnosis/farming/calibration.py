@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
+from diagnosis.blind.scored import binned
 from diagnosis.farming.rows import Row, Rows
 from diagnosis.gap.verdict import LIKELY, Decision, Probabilities, condition, decide, features, probabilities
 from diagnosis.usual import HALF_WIDTH
@@ -36,7 +36,6 @@ OWN = 100
 """Answers of a condition that has a limit of its own: of fewer, two that miss make a limit that lets all in."""
 OUTSIDE = ("outside", "withheld")
 """Strata whose cause is no candidate."""
-BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
 def calibrated(found: Rows) -> Verdicts:
@@ -222,14 +221,7 @@ def _reliability(apart: Sequence[Probabilities], rows: Sequence[Row]) -> list[Co
         if chance.causes:
             name = max(chance.causes, key=lambda one: chance.causes[one])
             said["the foremost candidate"].append((chance.causes[name], name in row.true))
-    found = []
-    for what, pairs in said.items():
-        p, true = np.array([one for one, _ in pairs]), np.array([one for _, one in pairs])
-        for low, high in pairwise(BINS):
-            some = (p >= low) & ((p < high) | (high == BINS[-1]))
-            if some.any():
-                found.append(_count(what, p[some].tolist(), true[some].tolist(), low, high))
-    return found
+    return [_count(what, some, true, low, high) for what, low, high, some, true in binned(said)]
 
 
 def _answers(done: Sequence[tuple[Row, Decision]]) -> Answers:

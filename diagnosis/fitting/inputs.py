@@ -25,19 +25,20 @@ Before its start the recording's first day is repeated, so that the simulation a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from scipy.constants import Stefan_Boltzmann
-from scipy.linalg import cho_solve_banded, cholesky_banded, eigh
+from scipy.linalg import block_diag, cho_solve_banded, cholesky_banded, eigh
 from scipy.spatial import cKDTree
 
 from datagen.driving.inputs import schedule_signal
 from datagen.driving.occupancy import occupancy_prior
 from datagen.driving.tables import SNAP, Piecewise
-from diagnosis.fitting.nuisance import FIELDS, Level, Nuisance, no_nuisance
+from diagnosis.fitting.nuisance import Level, Nuisance, joined, no_nuisance, pulses_on
 from diagnosis.recording import DAY, HOUR, Recording, extended, sentence_on_missing, whole_days
 from shared.errors import RecordingError, SystemDescriptionError
 from shared.signals import Occupancy
@@ -115,21 +116,10 @@ def _pulses(place: int, recording: Recording, covariance: np.ndarray, size: floa
         return no_nuisance()
     values, vectors = np.linalg.eigh(covariance[some])
     roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    count = 3 * len(some)
-    factor = np.zeros((count, count))
-    for k, root in enumerate(roots):
-        factor[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = root
     half = 0.5 * recording.step
     begin = (recording.time[some, None] - np.array([2 * half, 2 * half, half])).ravel()
-    pulses = Nuisance(
-        column=np.full(count, place),
-        begin=begin,
-        end=begin + np.tile([2 * half, half, half], len(some)),
-        turns=np.ones(count, dtype=bool),
-        recorded=np.ones(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=factor,
-    )
+    end = begin + np.tile([2 * half, half, half], len(some))
+    pulses = pulses_on(place, begin, end, block_diag(*roots), turns=True)
     return pulses.only(pulses.sd > 0.1 * LEFT_OUT * size)
 
 
@@ -220,7 +210,7 @@ class Cleared:
 
     values: np.ndarray
     courses: tuple[_Course, ...] = ()
-    pulse: float = METERED
+    pulse: ClassVar[float] = METERED
 
     def covariance(self, weights: np.ndarray) -> np.ndarray:
         """Covariance of what stays unknown of weighted means (means, steps), shape (means, means)."""
@@ -532,20 +522,6 @@ They come at an unusual hour rarely, but then several at once: a normal prior wi
 early comer of a Saturday for a gap of the model."""
 
 
-def _joined(parts: Sequence[Nuisance]) -> Nuisance:
-    parts = [one for one in parts if one.size]
-    if not parts:
-        return no_nuisance()
-    factor = np.zeros((sum(one.size for one in parts), sum(one.factor.shape[1] for one in parts)))
-    row = column = 0
-    for one in parts:
-        factor[row : row + one.size, column : column + one.factor.shape[1]] = one.factor
-        row, column = row + one.size, column + one.factor.shape[1]
-    levels = tuple(level for one in parts for level in one.levels)
-    fields = {name: np.concatenate([getattr(one, name) for one in parts]) for name in FIELDS}
-    return Nuisance(**fields, factor=factor, levels=levels)
-
-
 def nuisance_of(
     system: System, recording: Recording, driven: Drive, *, occupancy: str
 ) -> tuple[Nuisance, dict[str, Piecewise]]:
@@ -573,11 +549,11 @@ def nuisance_of(
             if one.source == "occupancy":
                 assert system.occupancy is not None
                 within, signals[one.name] = counted(system.occupancy, place, recording, signal)
-                part = _joined([within, part])
+                part = joined(within, part)
             elif one.source == "measured" and one.interpolation == "previous":
-                part = _joined([replayed(place, recording, signal), part])
+                part = joined(replayed(place, recording, signal), part)
         parts.append(part)
-    return _joined(parts), signals
+    return joined(*parts), signals
 
 
 def _spans(driven: Drive) -> list[tuple[float, float]]:
@@ -682,16 +658,7 @@ def _history(place: int, driven: Drive, recording: Recording, signal: Piecewise)
             begin.append(a)
             end.append(b)
             spread.append(found)
-    count = len(begin)
-    return Nuisance(
-        column=np.full(count, place),
-        begin=np.array(begin),
-        end=np.array(end),
-        turns=np.zeros(count, dtype=bool),
-        recorded=np.zeros(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=np.diag(spread) if count else np.empty((0, 0)),
-    )
+    return pulses_on(place, np.array(begin), np.array(end), np.diag(spread), recorded=False)
 
 
 def _day_to_day(signal: Piecewise, recording: Recording, back: float, length: float) -> float:

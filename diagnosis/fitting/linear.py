@@ -81,32 +81,20 @@ class Marginal:
         return principal(self.by_unknown, UNFELT)
 
     @property
-    def _values(self) -> np.ndarray:
-        return self._decomposed[0]
-
-    @property
-    def _vectors(self) -> np.ndarray:
-        return self._decomposed[1]
-
-    @property
-    def _basis(self) -> np.ndarray:
-        return self._decomposed[2]
-
-    @property
     def logdet(self) -> float:
         """Of S."""
-        return float(np.sum(np.log1p(self._values)))
+        return float(np.sum(np.log1p(self._decomposed[0])))
 
     def root(self, rows: np.ndarray) -> np.ndarray:
         """S^(-1/2) applied to standardised rows, shape (rows,) or (rows, n)."""
-        inside = self._basis.T @ rows
-        shrink = 1 - 1 / np.sqrt(1 + self._values)
-        return np.asarray(rows - self._basis @ (shrink * inside.T).T)
+        values, _, basis = self._decomposed
+        shrink = 1 - 1 / np.sqrt(1 + values)
+        return np.asarray(rows - basis @ (shrink * (basis.T @ rows).T).T)
 
     def unknowns(self, residual: np.ndarray) -> np.ndarray:
         """Posterior mean of the unknowns given a standardised residual (rows,), shape (unknowns,)."""
-        projected = self._vectors.T @ (self.by_unknown.T @ residual)
-        return np.asarray(self._vectors @ (projected / (1 + self._values)))
+        values, vectors, _ = self._decomposed
+        return np.asarray(vectors @ ((vectors.T @ (self.by_unknown.T @ residual)) / (1 + values)))
 
 
 @dataclass(frozen=True)

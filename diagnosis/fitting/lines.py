@@ -23,7 +23,7 @@ from diagnosis.effects import Effect, clash, moved_in_time
 from diagnosis.fitting.gaussian import root
 from diagnosis.fitting.inputs import Cleared, Computed, Drive
 from diagnosis.fitting.linear import Linearisation, one_sided, principal, responses
-from diagnosis.fitting.nuisance import FIELDS, SPACING, Nuisance, pulses_between
+from diagnosis.fitting.nuisance import SPACING, Nuisance, joined, pulses_between, pulses_on
 from diagnosis.fitting.problem import STEP, Problem
 from diagnosis.fitting.simulations import Outcome
 from diagnosis.recording import DAY, Recording
@@ -63,16 +63,8 @@ def late(nuisance: Nuisance, place: int) -> Nuisance:
     """For each change within a step one more within the step's second half."""
     some = nuisance.turns & (nuisance.column == place)
     begin, end = nuisance.begin[some], nuisance.end[some]
-    return Nuisance(
-        column=np.full(len(end), place),
-        begin=0.5 * (begin + end),
-        end=end,
-        turns=np.ones(len(end), dtype=bool),
-        recorded=np.ones(len(end), dtype=bool),
-        mean=np.zeros(len(end)),
-        factor=np.diag(nuisance.sd[some]),
-        followed=nuisance.followed[some],
-    )
+    factor, followed = np.diag(nuisance.sd[some]), nuisance.followed[some]
+    return pulses_on(place, 0.5 * (begin + end), end, factor, turns=True, followed=followed)
 
 
 def _doubted(place: int, driven: Drive, doubted: Cleared | Computed, recording: Recording) -> Nuisance:
@@ -87,18 +79,9 @@ def _doubted(place: int, driven: Drive, doubted: Cleared | Computed, recording: 
     return pulses.only(pulses.sd > KNOWN * pulses.sd.max())
 
 
-def both(old: Nuisance, pulses: Nuisance) -> Nuisance:
-    """Two nuisances, independent of each other."""
-    rows, columns = old.factor.shape
-    factor = np.zeros((rows + pulses.size, columns + pulses.factor.shape[1]))
-    factor[:rows, :columns], factor[rows:, columns:] = old.factor, pulses.factor
-    fields = {name: np.concatenate([getattr(old, name), getattr(pulses, name)]) for name in FIELDS}
-    return Nuisance(**fields, factor=factor, levels=old.levels)
-
-
 def felt(problem: Problem, z: np.ndarray, heights: np.ndarray, pulses: Nuisance) -> np.ndarray:
     """Response of the outputs to further pulses, shape (outputs, steps, pulses)."""
-    other = problem.with_nuisance(both(problem.nuisance, pulses))
+    other = problem.with_nuisance(joined(problem.nuisance, pulses))
     base = other.simulate(z, np.concatenate([heights, pulses.mean]))
     return responses(
         pulses,
@@ -113,7 +96,7 @@ def _joined(problem: Problem, around: Linearisation, pulses: Nuisance) -> tuple[
     response = felt(problem, around.z, around.heights, pulses)
     # where the line is drawn again a day is enough: a hundredth of the square of what they do comes later
     pulses = replace(pulses, followed=np.minimum(pulses.followed, SPACING))
-    other = problem.with_nuisance(both(problem.nuisance, pulses))
+    other = problem.with_nuisance(joined(problem.nuisance, pulses))
     return other, replace(
         around,
         heights=np.concatenate([around.heights, pulses.mean]),

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.sparse import csr_array
 
 from datagen.driving.tables import SNAP, InputTable
@@ -144,26 +145,46 @@ class Nuisance:
         return np.where(self.guessed, np.maximum(heights, 0.0), heights)
 
 
+def pulses_on(
+    column: int,
+    begin: np.ndarray,
+    end: np.ndarray,
+    factor: np.ndarray,
+    *,
+    turns: bool = False,
+    recorded: bool = True,
+    followed: np.ndarray | None = None,
+) -> Nuisance:
+    """Pulses of zero mean on one input that are alike; the arguments as of :class:`Nuisance`."""
+    count = len(begin)
+    return Nuisance(
+        column=np.full(count, column),
+        begin=begin,
+        end=end,
+        turns=np.full(count, turns),
+        recorded=np.full(count, recorded),
+        mean=np.zeros(count),
+        factor=factor,
+        followed=np.empty(0) if followed is None else followed,
+    )
+
+
 def pulses_between(edges: np.ndarray, column: int, factor: np.ndarray, followed: float) -> Nuisance:
     """Pulses of zero mean on one input, each from one of ``edges`` (pulses + 1,) [s] to the next, within a recording.
 
     ``factor`` (pulses, unknowns) [unit of the input]; ``followed`` [s].
     """
-    count = len(edges) - 1
-    return Nuisance(
-        column=np.full(count, column),
-        begin=edges[:-1],
-        end=edges[1:],
-        turns=np.zeros(count, dtype=bool),
-        recorded=np.ones(count, dtype=bool),
-        mean=np.zeros(count),
-        factor=factor,
-        followed=np.full(count, followed),
-    )
+    return pulses_on(column, edges[:-1], edges[1:], factor, followed=np.full(len(edges) - 1, followed))
 
 
 def no_nuisance() -> Nuisance:
     """Nothing unknown."""
-    none = np.empty(0)
-    nobody = none.astype(bool)
-    return Nuisance(none.astype(int), none, none, nobody, nobody, none, np.empty((0, 0)))
+    return pulses_on(0, np.empty(0), np.empty(0), np.empty((0, 0)))
+
+
+def joined(*parts: Nuisance) -> Nuisance:
+    """Several nuisances, or none, independent of each other."""
+    parts = (no_nuisance(), *parts)
+    fields = {name: np.concatenate([getattr(one, name) for one in parts]) for name in FIELDS}
+    levels = tuple(level for one in parts for level in one.levels)
+    return Nuisance(**fields, factor=block_diag(*(one.factor for one in parts)), levels=levels)

@@ -25,7 +25,7 @@ from diagnosis.fitting.inputs import crowd, drive, nuisance_of
 from diagnosis.fitting.linear import Linearisation, Marginal, lasting, responses
 from diagnosis.fitting.noise import NoiseModel, errors_under, undeclared
 from diagnosis.fitting.nuisance import Nuisance
-from diagnosis.fitting.runs import LIMIT, Runs, Unknowns
+from diagnosis.fitting.runs import Runs, Unknowns
 from diagnosis.fitting.simulations import InProcess, Outcome, Run, Runner, Simulations
 from diagnosis.recording import HOUR, Recording, check_warm_up
 from diagnosis.usual import WARM_UP as WARM_UP_HOURS
@@ -39,7 +39,6 @@ TOLERANCE = 1e-6
 """Of the integrator at most: differences of simulations are small."""
 Made = TypeVar("Made")
 Known = Literal["constants", "history"]
-__all__ = ["LIMIT", "STEP", "Linearisation", "Problem"]
 
 
 class Problem:

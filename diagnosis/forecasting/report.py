@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.calibrating.report import sentences
 from diagnosis.curves import BLUE, ORANGE, readable
 from diagnosis.forecasting.forecasted import Forecast, Forecasted, about_failed
-from diagnosis.pages import long_named, page_environment, percent, whole
+from diagnosis.pages import long_named, page_environment, percent, write_answer
 from diagnosis.panels import Curve, Panel, Strips, embedded, library
 from diagnosis.physics import hints, warnings
 from shared.numbers import number
@@ -50,11 +50,7 @@ def answer(report: Forecast, names: Mapping[str, str]) -> list[str]:
 
 def write_forecast(done: Forecasted, folder: Path) -> None:
     """Write ``forecast.json`` and ``forecast.html`` into a folder, both or none."""
-    page = render(done)
-    with whole(folder) as draft:
-        text = done.report.model_dump_json(indent=1)
-        (draft / "forecast.json").write_text(text + "\n", encoding="utf-8")
-        (draft / "forecast.html").write_text(page, encoding="utf-8")
+    write_answer(folder, "forecast", done.report, render(done))
 
 
 def render(done: Forecasted) -> str:

@@ -17,7 +17,7 @@ from diagnosis.gap.schema import HOW_FAR, Place
 from diagnosis.gap.sentences import headline
 from diagnosis.gap.shrinkage import left_by
 from diagnosis.gap.twins import SHOWN as SHOWN_TWINS
-from diagnosis.pages import long_named, page_environment, whole
+from diagnosis.pages import long_named, page_environment, write_answer
 from diagnosis.panels import Curve, Panel, Strips
 from diagnosis.physics import hints, warnings
 from diagnosis.recording import DAY
@@ -85,10 +85,7 @@ def draw_parameters(done: Diagnosis) -> Figure:
 
 def write_report(done: Diagnosis, folder: Path) -> None:
     """Write ``report.json`` and ``report.html`` into a folder, both or none."""
-    page = render(done)
-    with whole(folder) as draft:
-        (draft / "report.json").write_text(done.report.model_dump_json(indent=1) + "\n", encoding="utf-8")
-        (draft / "report.html").write_text(page, encoding="utf-8")
+    write_answer(folder, "report", done.report, render(done))
 
 
 def render(done: Diagnosis) -> str:

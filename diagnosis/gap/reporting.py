@@ -138,7 +138,7 @@ def reported(done: Answered, began: Began) -> Report:
         simulations=done.whole.simulations - began.simulations,
         seconds=time.perf_counter() - began.seconds,
         cpu_seconds=time.process_time() - began.cpu_seconds,
-        calibrated=CalibratedBy.model_validate({name: getattr(by, name) for name in CalibratedBy.model_fields}),
+        calibrated=CalibratedBy.model_validate(by, from_attributes=True),
         uncalibrated=uncalibrated,
     )
     limited = limits(report) + strained(report, {one.name: one.relative for one in problem.constants})
@@ -233,18 +233,7 @@ def _places(where: Where, first: Stage, noise: dict[str, float]) -> list[Place]:
     What stood out once comes after cells that are as sure, which do so again and again.
     """
     once, again = stretch(first), any(one.kind == "cell" for one in where.findings)
-    found = [
-        Place(
-            channel=one.channel,
-            cell=one.cell,
-            p_value=one.p_value,
-            kind=one.kind,
-            text=one.text,
-            size=one.size,
-            unit=one.unit,
-        )
-        for one in where.findings + once
-    ]
+    found = [Place.model_validate(one, from_attributes=True) for one in where.findings + once]
 
     def rank(one: Place) -> tuple[float, float]:
         alike = one.kind in ("cell", "episode") and one.channel in noise

@@ -233,6 +233,11 @@ def import_recording(
     composers = [Composer(facing, *one, clock, edges) for one in zip(settings, read, strict=True)]
     composer = composers[0]
     composer.notes.extend(_beyond(described, facts))
+    if abs(DAY / composer.step - round(DAY / composer.step)) > 1e-9:
+        composer.notes.append(
+            f"{settings[0].path}: grid.step is {composer.step:g} s, of which no whole number makes a day; expected one"
+            f" that does, such as the description's {described.experiment.step:g}: no estimator reads it"
+        )
     for one in composers[1:]:
         composer.notes.extend(_about_further(one))
     series, missing = _series(composers)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.where.finding import Finding, Window, all_windows
-from diagnosis.where.series import DAY, EDGES, WHOLE, MaxTest, Residuals, band_names, max_test, split
+from diagnosis.where.series import ALPHA, DAY, EDGES, WHOLE, MaxTest, Residuals, band_names, max_test, split
 from shared.system import System
 from shared.units import spelled
 from shared.variables import ZERO_CELSIUS, Output
@@ -216,8 +216,8 @@ class CellTest:
     """Result of :func:`scan_cells`.
 
     The cells of ``test`` are laid out as ``shape``: (channels, bands, statistics, regimes, windows). ``alias`` points
-    every cell to the one that stands for it (cells that hold at the same steps are tested once); ``share`` is what the
-    band keeps of an offset confined to the cell; ``channels`` are indices of outputs.
+    every cell to the one that stands for it (cells that hold at the same steps are tested once); ``channels`` are
+    indices of outputs.
     """
 
     test: MaxTest
@@ -226,7 +226,6 @@ class CellTest:
     regimes: list[Regime]
     windows: list[Window]
     alias: np.ndarray
-    share: np.ndarray
     findings: list[Finding]
 
     @property
@@ -239,7 +238,7 @@ class CellTest:
         return values[self.alias].reshape(self.shape)
 
 
-def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: float = 0.05, most: int = 8) -> CellTest:
+def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, most: int = 8) -> CellTest:
     """Test every cell's mean and variance against the twins', all under one p-value.
 
     Of variances only larger ones count: a recording that scatters less than its twins, as one that is quieter than its
@@ -255,8 +254,6 @@ def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: f
     ----------
     regimes
         From :func:`~diagnosis.where.cells.find_regimes`; that which always holds is added.
-    alpha
-        Family-wise level at which cells are reported.
     most
         At most as many findings.
     """
@@ -287,8 +284,8 @@ def scan_cells(residuals: Residuals, regimes: Sequence[Regime] = (), *, alpha: f
     statistics[:, unresolved] = np.nan
     scatter = np.broadcast_to(np.arange(len(STATISTICS))[:, None, None] == STATISTICS.index("variance"), shape)
     test = max_test(statistics.reshape(len(stack), -1), upper=scatter.ravel())
-    found = CellTest(test, channels, bands, states, windows, alias.ravel(), share.ravel(), [])
-    found.findings.extend(_peel(residuals, found, holds, alpha, most))
+    found = CellTest(test, channels, bands, states, windows, alias.ravel(), [])
+    found.findings.extend(_peel(residuals, found, holds, most))
     return found
 
 
@@ -344,7 +341,7 @@ def _share(observed: np.ndarray, states: Sequence[Regime], holds: np.ndarray, st
     return np.repeat(np.array(shares).transpose(1, 0, 2)[:, None], len(STATISTICS), axis=1)
 
 
-def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float, most: int) -> list[Finding]:
+def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, most: int) -> list[Finding]:
     """Findings, each looked for in what the ones before it leave.
 
     An offset in part of a cell widens the whole, and scatter moves the mean of some hour: a mean is named first, unless
@@ -360,7 +357,7 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
     taken: dict[int, Offsets] = {}
     found: list[Finding] = []
     for _ in range(_ROUNDS * most):
-        size = np.where(cells.test.kept & (adjusted <= alpha), np.abs(t), -np.inf).reshape(cells.shape)
+        size = np.where(cells.test.kept & (adjusted <= ALPHA), np.abs(t), -np.inf).reshape(cells.shape)
         size = np.where(open_[:, None, None], size, -np.inf)
         mean, variance = size.copy(), size.copy()
         mean[:, :, 1], variance[:, :, 0] = -np.inf, -np.inf
@@ -379,7 +376,7 @@ def _peel(residuals: Residuals, cells: CellTest, holds: np.ndarray, alpha: float
         both = masks[c][..., inside].sum(axis=-1)
         open_[c] &= both < _SAME * (masks[c].sum(axis=-1) + inside.sum() - both)
         stands = float(t[top]), float(adjusted[top])
-        said = _taken_off(taken[c], inside, top, float(statistics[top]), stands, cells, residuals, alpha)
+        said = _taken_off(taken[c], inside, top, float(statistics[top]), stands, cells, residuals)
         if said is not None:
             found.append(_finding(residuals, cells, top, *said))
         block = statistics.reshape(cells.shape)
@@ -397,7 +394,6 @@ def _taken_off(
     stands: tuple[float, float],
     cells: CellTest,
     residuals: Residuals,
-    alpha: float,
 ) -> tuple[str, float, float, float] | None:
     """Take the excess of a cell off its channel; what is to be said of it: words, size [unit], studentised value and p.
 
@@ -417,7 +413,7 @@ def _taken_off(
     amount = taken.add(inside)
     raw = int(cells.alias[np.ravel_multi_index((c, cells.bands.index(WHOLE), s, r, w), cells.shape)])
     apart = float(cells.test.observed[raw] - cells.test.typical[raw])
-    if apart * t > 0 and cells.test.adjusted[raw] <= alpha:
+    if apart * t > 0 and cells.test.adjusted[raw] <= ALPHA:
         # beside an offset that was named the cell must stand out on its own as well
         itself = float(cells.test.t[raw]), float(cells.test.adjusted[raw])
         return words, apart, *(min(stands, itself, key=lambda one: abs(one[0])) if overlaps else stands)

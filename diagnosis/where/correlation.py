@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import HOUR, MaxTest, Residuals, fill, fit_colour, max_test, whiten
+from diagnosis.where.series import ALPHA, HOUR, MaxTest, Residuals, fill, fit_colour, max_test, whiten
 
 LONGEST = 24 * HOUR
 """Longest lag either way [s]."""
@@ -50,9 +50,7 @@ class CorrelationTest:
         return self.test.adjusted.reshape(self.correlation.shape)
 
 
-def scan_correlations(
-    residuals: Residuals, inputs: Mapping[str, np.ndarray], *, alpha: float = 0.05
-) -> CorrelationTest | None:
+def scan_correlations(residuals: Residuals, inputs: Mapping[str, np.ndarray]) -> CorrelationTest | None:
     """Correlate every channel with every input that varies, at lags up to a day; one p-value for all.
 
     Inputs follow one another, so what the strongest input explains at lags about its own is taken off the recording's
@@ -87,7 +85,7 @@ def scan_correlations(
     test = max_test(_fisher(found).reshape(len(stack), -1))
     shape = found.shape[1:]
     low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
-    half = test.level(0.05) * test.spread
+    half = test.level * test.spread
     around = [np.tanh(test.typical + sign * half).reshape(shape) for sign in (-1, 1)]
     return CorrelationTest(
         test=test,
@@ -99,7 +97,7 @@ def scan_correlations(
         high=high,
         simultaneous_low=around[0],
         simultaneous_high=around[1],
-        findings=_peel(residuals, channels, names, lags, step, series, test, alpha),
+        findings=_peel(residuals, channels, names, lags, step, series, test),
     )
 
 
@@ -155,7 +153,6 @@ def _peel(
     step: float,
     series: list[tuple[np.ndarray, np.ndarray]],
     test: MaxTest,
-    alpha: float,
 ) -> list[Finding]:
     """The strongest input of each channel, then the strongest in what is left, while significant."""
     shape = (len(channels), len(names), len(lags))
@@ -165,7 +162,7 @@ def _peel(
     open_ = np.ones(shape[:2], bool)
     found: list[Finding] = []
     while open_.any():
-        size = np.where(open_[..., None] & (adjusted <= alpha), np.abs(t), -np.inf)
+        size = np.where(open_[..., None] & (adjusted <= ALPHA), np.abs(t), -np.inf)
         if not np.isfinite(size).any():
             break
         c, i, j = (int(v) for v in np.unravel_index(int(np.argmax(size)), shape))

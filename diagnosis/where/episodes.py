@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import DAY, HOUR, MaxTest, Residuals, max_test
+from diagnosis.where.series import ALPHA, DAY, HOUR, MaxTest, Residuals, max_test
 
 STATISTICS = ("mean", "variance")
 GRID = 6 * HOUR
@@ -41,7 +41,7 @@ class EpisodeTest:
     findings: list[Finding]
 
 
-def scan_episodes(residuals: Residuals, *, alpha: float = 0.05) -> EpisodeTest:
+def scan_episodes(residuals: Residuals) -> EpisodeTest:
     """Test every stretch's mean and variance against the rest of the record; one p-value for all.
 
     Of variances only larger ones count, as in cells: than the rest's, and than what the rest of recordings has usually.
@@ -70,7 +70,7 @@ def scan_episodes(residuals: Residuals, *, alpha: float = 0.05) -> EpisodeTest:
     spans: list[tuple[float, float]] = []
     open_ = np.ones(shape, bool)
     for _ in range(_ROUNDS * MOST):
-        size = np.where(test.kept & (open_ & _is_odd(now, usual)).ravel() & (adjusted <= alpha), np.abs(t), -np.inf)
+        size = np.where(test.kept & (open_ & _is_odd(now, usual)).ravel() & (adjusted <= ALPHA), np.abs(t), -np.inf)
         if len(found) == MOST or not np.isfinite(size).any():
             break
         means = np.where(np.arange(size.size) // shape[2] % 2 == 0, size, -np.inf)

@@ -12,7 +12,7 @@ from diagnosis.where.cells import CellTest, Regime, scan_cells
 from diagnosis.where.correlation import CorrelationTest, scan_correlations
 from diagnosis.where.episodes import EpisodeTest, scan_episodes
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import MaxTest, Residuals, combine, rank_p
+from diagnosis.where.series import ALPHA, MaxTest, Residuals, combine, rank_p
 from diagnosis.where.sources import Operator, SourceTest, Verdict, scan_sources
 
 
@@ -27,7 +27,6 @@ class Where:
     sources: SourceTest | None
     families: list[str]
     whole: MaxTest
-    alpha: float = 0.05
 
     @property
     def p_value(self) -> float:
@@ -47,7 +46,7 @@ class Where:
         for name, ones in by_family.items():
             for one in ones:
                 p_value = max(float(self._p_of_all(name, abs(one.t))), one.p_value)
-                if p_value <= self.alpha:
+                if p_value <= ALPHA:
                     found.append(replace(one, p_value=p_value))
         return found
 
@@ -95,7 +94,7 @@ class Where:
     @property
     def verdict(self) -> Verdict:
         """Whether a balance or a sensor is off; ``none`` when sources and sensors explain no more than in twins."""
-        if self.sources is None or self._p_of_all("sources", float(self.sources.test.maxima[0])) > self.alpha:
+        if self.sources is None or self._p_of_all("sources", float(self.sources.test.maxima[0])) > ALPHA:
             return "none"
         return self.sources.verdict
 
@@ -107,7 +106,6 @@ def locate(
     regimes: Sequence[Regime] = (),
     operators: Sequence[Operator] = (),
     left: Callable[[np.ndarray], np.ndarray] | None = None,
-    alpha: float = 0.05,
 ) -> Where:
     """Find where a recording differs from its calibrated model by more than the model's own twins do from theirs.
 
@@ -120,13 +118,11 @@ def locate(
     operators, left
         Responses to missing sources, and what calibration leaves of series that are added to the outputs; without
         operators no source is sought.
-    alpha
-        Family-wise level of what is reported.
     """
-    cells = scan_cells(residuals, regimes, alpha=alpha)
-    episodes = scan_episodes(residuals, alpha=alpha)
-    correlations = scan_correlations(residuals, inputs, alpha=alpha)
-    sources = scan_sources(residuals, operators, left=left, alpha=alpha) if operators else None
+    cells = scan_cells(residuals, regimes)
+    episodes = scan_episodes(residuals)
+    correlations = scan_correlations(residuals, inputs)
+    sources = scan_sources(residuals, operators, left=left) if operators else None
     tests = {
         "cells": cells.test,
         "correlations": correlations.test if correlations is not None else None,
@@ -142,7 +138,6 @@ def locate(
         sources=sources,
         families=list(used),
         whole=combine(list(used.values())),
-        alpha=alpha,
     )
     if sources is None or found.verdict != "none":
         return found

@@ -17,7 +17,7 @@ from diagnosis.panels import Curve, Panel, Strips
 from diagnosis.where.cells import STATISTICS, CellTest
 from diagnosis.where.correlation import CorrelationTest
 from diagnosis.where.episodes import REST, EpisodeTest
-from diagnosis.where.series import BRIEF, DAY, HOUR, WHOLE, Residuals
+from diagnosis.where.series import ALPHA, BRIEF, DAY, HOUR, WHOLE, Residuals
 from diagnosis.where.sources import SourceTest
 from shared.numbers import number
 from shared.variables import spaced
@@ -59,11 +59,8 @@ MOST = 10.0
 """The colours of scatter end at so many times that of replicates, and at that part of it."""
 
 
-def draw_cells(residuals: Residuals, cells: CellTest, *, alpha: float = 0.05) -> Figure:
-    """Offsets by hour and state, and scatter by speed and state: a row of two panels for each channel.
-
-    ``alpha``: the family's own p up to which cells are framed.
-    """
+def draw_cells(residuals: Residuals, cells: CellTest) -> Figure:
+    """Offsets by hour and state, and scatter by speed and state: a row of two panels for each channel."""
     rows, count = _rows(cells), len(cells.channels)
     tall = 0.21 * len(rows) + 1.15
     figure = Figure(figsize=(12.5, tall * count + 0.9), layout="constrained")
@@ -71,8 +68,8 @@ def draw_cells(residuals: Residuals, cells: CellTest, *, alpha: float = 0.05) ->
         count, 2, squeeze=False, gridspec_kw={"width_ratios": [2.9, len(cells.bands) * 0.28 + 0.2]}
     )
     for c in range(count):
-        _draw_offsets(figure, panels[c, 0], residuals, cells, c, rows, alpha)
-        _draw_scatter(figure, panels[c, 1], cells, c, rows, alpha)
+        _draw_offsets(figure, panels[c, 0], residuals, cells, c, rows)
+        _draw_scatter(figure, panels[c, 1], cells, c, rows)
     figure.suptitle(
         "Where measurement and calibrated model differ\n"
         "Left: red measured higher, blue lower.  Right: red more scatter than replicates without a gap, blue less.\n"
@@ -92,17 +89,11 @@ def _rows(cells: CellTest) -> list[tuple[str, int, str]]:
 
 
 def _draw_offsets(
-    figure: Figure,
-    axes: Axes,
-    residuals: Residuals,
-    cells: CellTest,
-    c: int,
-    rows: list[tuple[str, int, str]],
-    alpha: float,
+    figure: Figure, axes: Axes, residuals: Residuals, cells: CellTest, c: int, rows: list[tuple[str, int, str]]
 ) -> None:
     k, mean, whole = cells.channels[c], STATISTICS.index("mean"), cells.bands.index(WHOLE)
     apart = cells.laid_out(cells.test.observed - cells.test.typical)[c, :, mean]
-    sure = cells.laid_out(cells.test.adjusted)[c, :, mean] <= alpha
+    sure = cells.laid_out(cells.test.adjusted)[c, :, mean] <= ALPHA
     shortest = min(w.stop - w.start for w in cells.windows)
     hours = sorted({(w.start, w.stop) for w in cells.windows if w.stop - w.start == shortest})
     spans = [*hours, (0, 24)] if hours != [(0, 24)] else hours
@@ -134,13 +125,11 @@ def _draw_offsets(
     bar.ax.tick_params(labelsize=7)
 
 
-def _draw_scatter(
-    figure: Figure, axes: Axes, cells: CellTest, c: int, rows: list[tuple[str, int, str]], alpha: float
-) -> None:
+def _draw_scatter(figure: Figure, axes: Axes, cells: CellTest, c: int, rows: list[tuple[str, int, str]]) -> None:
     variance = STATISTICS.index("variance")
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = (cells.laid_out(cells.test.observed) / cells.laid_out(cells.test.typical))[c, :, variance] ** 1.5
-    sure = cells.laid_out(cells.test.adjusted)[c, :, variance] <= alpha
+    sure = cells.laid_out(cells.test.adjusted)[c, :, variance] <= ALPHA
     at = {w.day_type: j for j, w in enumerate(cells.windows) if (w.start, w.stop) == (0, 24)}
     image = np.array([[ratio[b, regime, at[day]] for b in range(len(cells.bands))] for _, regime, day in rows])
     largest = float(np.nanmax(np.maximum(image, 1 / np.maximum(image, 1e-9)))) if np.isfinite(image).any() else 2.0
@@ -172,11 +161,8 @@ def _ratio(value: float) -> str:
     return "<.01" if value < 0.01 else ">99" if value >= 99.5 else f"{value:#.2g}".rstrip(".")
 
 
-def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: float = 0.05, most: int = 3) -> Figure:
-    """Stems of each channel's residual against the inputs it follows most, with the twins' bands.
-
-    ``alpha``: the family's own p up to which they are red.
-    """
+def draw_correlations(residuals: Residuals, found: CorrelationTest, *, most: int = 3) -> Figure:
+    """Stems of each channel's residual against the inputs it follows most, with the twins' bands."""
     t = np.abs(found.test.t.reshape(found.correlation.shape))
     strongest = np.where(np.isfinite(t), t, 0.0).max(axis=2)
     across = min(most, len(found.inputs))
@@ -190,7 +176,7 @@ def draw_correlations(residuals: Residuals, found: CorrelationTest, *, alpha: fl
         largest = max(float(np.abs(np.nan_to_num(one[c, chosen])).max()) for one in values)
         limit = 1.15 * largest or 1.0  # of a channel that was hardly read there are none
         for axes, i in zip(panels[c], chosen, strict=True):
-            sure = found.adjusted[c, i] <= alpha
+            sure = found.adjusted[c, i] <= ALPHA
             axes.fill_between(hours, found.low[c, i], found.high[c, i], color=TWINS, alpha=0.6, linewidth=0)
             for edge in (found.simultaneous_low, found.simultaneous_high):
                 axes.plot(hours, edge[c, i], color="black", linewidth=0.8, linestyle="--")
@@ -222,9 +208,7 @@ _SPAN = "#ee9944"
 _WEEKEND = "#f3efe0"
 
 
-def draw_episodes(
-    residuals: Residuals, found: EpisodeTest, *, alpha: float = 0.05, zero: np.datetime64 | None = None
-) -> Figure:
+def draw_episodes(residuals: Residuals, found: EpisodeTest, *, zero: np.datetime64 | None = None) -> Figure:
     """The residual of each channel against time, what replicates show, and the stretches that stand out.
 
     ``zero`` is the date from which time runs, for dates below the days.
@@ -246,7 +230,7 @@ def draw_episodes(
         own = [
             (one, span)
             for one, span in zip(found.findings, found.spans, strict=True)
-            if one.channel == residuals.names[k] and one.p_value <= alpha
+            if one.channel == residuals.names[k] and one.p_value <= ALPHA
         ]
         heights = np.linspace(0.95, 0.05 + _LABEL, max(len(own), _ROWS))
         for place, (one, (first, last)) in enumerate(own):
@@ -282,12 +266,7 @@ def draw_episodes(
 
 
 def source_panels(
-    residuals: Residuals,
-    found: SourceTest,
-    zero: np.datetime64,
-    *,
-    alpha: float = 0.05,
-    explained: Mapping[str, np.ndarray] | None = None,
+    residuals: Residuals, found: SourceTest, zero: np.datetime64, *, explained: Mapping[str, np.ndarray] | None = None
 ) -> list[Panel]:
     """Each source that would close the residual, its uncertainty, and what replicates without a gap would ask for.
 
@@ -308,9 +287,9 @@ def source_panels(
             curves.append(Curve("what the effects found account for", BLUE, factor * explained[one.name], "dashed"))
         # a pulse may stand out at another smoothness than the one drawn: mark it only where the drawing agrees
         outside = (one.estimate > one.high) | (one.estimate < one.low)
-        sure = (one.adjusted <= alpha) & outside & (np.abs(one.estimate) > 2 * one.uncertainty)
+        sure = (one.adjusted <= ALPHA) & outside & (np.abs(one.estimate) > 2 * one.uncertainty)
         marked = np.where(sure, factor * one.estimate, np.nan)
-        marks.append(Curve(f"beyond all replicates (p <= {alpha:g})", MEASURED, marked, "marks"))
+        marks.append(Curve(f"beyond all replicates (p <= {ALPHA:g})", MEASURED, marked, "marks"))
         centres = dates(zero, (one.edges[1:] + one.edges[:-1]) / 2)
         made.append(Panel(one.label, unit, centres, curves, [weekends], stepwise=True))
     if not any(np.isfinite(one.values).any() for one in marks):

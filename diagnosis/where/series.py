@@ -18,10 +18,10 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import gaussian_filter1d
 
-from shared.errors import RecordingError
-
 HOUR = 3600.0
 DAY = 24 * HOUR
+ALPHA = 0.05
+"""Family-wise level of what is reported."""
 FEWEST = 4
 """Steps of the shortest recording that can be looked at."""
 
@@ -53,21 +53,6 @@ class Residuals:
     labels: Sequence[str] = field(default=())
 
     def __post_init__(self) -> None:
-        outputs, steps = self.observed.shape
-        if self.replicates.ndim != 3 or self.replicates.shape[1:] != (outputs, steps):
-            raise RecordingError(
-                f"replicates: shape is {self.replicates.shape}; expected (B, {outputs}, {steps}), as the residuals have"
-            )
-        if len(self.replicates) < 19:
-            raise RecordingError(f"replicates: found {len(self.replicates)}; expected at least 19 (p below 0.05)")
-        if not (len(self.names) == len(self.units) == outputs) or self.time.shape != (steps,):
-            raise RecordingError(
-                f"residuals: {len(self.names)} names, {len(self.units)} units and {self.time.size} times "
-                f"for {outputs} outputs and {steps} steps; expected as many"
-            )
-        gaps = np.diff(self.time)
-        if steps < FEWEST or gaps[0] <= 0 or not np.allclose(gaps, gaps[0], rtol=0, atol=1e-3):
-            raise RecordingError("time: not regular or shorter than four steps; expected one positive step throughout")
         if not self.labels:
             object.__setattr__(self, "labels", tuple(self.names))
 
@@ -238,9 +223,10 @@ class MaxTest:
             t = np.where(self.kept, (statistics - self.typical) / self.spread, np.nan)
         return t, _adjusted(t, self.maxima, self.kept, self.upper)
 
-    def level(self, alpha: float = 0.05) -> float:
-        """Studentised value beyond which a cell is significant at ``alpha``, whichever it is."""
-        return float(np.quantile(self.maxima[1:], 1 - alpha, method="higher"))
+    @property
+    def level(self) -> float:
+        """Studentised value beyond which a cell is significant, whichever it is."""
+        return float(np.quantile(self.maxima[1:], 1 - ALPHA, method="higher"))
 
 
 def rank_p(observed: np.ndarray, twins: np.ndarray) -> np.ndarray:

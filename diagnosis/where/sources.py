@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from diagnosis.where.finding import Finding
-from diagnosis.where.series import DAY, HOUR, MaxTest, Residuals, Whitened, max_test, whitened
+from diagnosis.where.series import ALPHA, DAY, HOUR, MaxTest, Residuals, Whitened, max_test, whitened
 
 _GRID = np.concatenate([[0.0], np.logspace(-2, 8, 41)])
 """Prior variances tried, relative to the one at which the best-seen direction has a signal-to-noise ratio of 1."""
@@ -162,9 +162,10 @@ class Source:
     verdict: Verdict
     by_reading: np.ndarray
 
-    def needed(self, alpha: float = 0.05) -> bool:
+    @property
+    def needed(self) -> bool:
         """Whether the source itself explains more than in twins, whatever its rival does."""
-        return self.p_value <= alpha
+        return self.p_value <= ALPHA
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,7 @@ class SourceTest:
         row = self.white.response(series[..., None])[:, 0]
         return {one.name: row @ one.by_reading for one in self.sources}
 
-    def words(self, one: Source, rival: str, alpha: float = 0.05, *, answered: Collection[Verdict] = ()) -> str:
+    def words(self, one: Source, rival: str, *, answered: Collection[Verdict] = ()) -> str:
         """What the tests say of a source and its rival, whose label is given; goes on after the source's own label.
 
         Where a source explains no more than in twins, its rival may still be what another source explains better: a
@@ -212,7 +213,7 @@ class SourceTest:
         off = OTHERWISE if "sensor" in answered else "this balance is off"
         if "none" in answered:
             suspect = off = FAINT
-        if not one.needed(alpha):
+        if not one.needed:
             instead = f"; an error of {rival} alone explains more: {suspect}" if suspected else ""
             return f"explains no more than in replicates without a gap: none of it is needed{instead}"
         if not self.stands:
@@ -259,11 +260,7 @@ _MOVES = 0.05
 
 
 def scan_sources(
-    residuals: Residuals,
-    operators: Sequence[Operator],
-    *,
-    left: Callable[[np.ndarray], np.ndarray] | None = None,
-    alpha: float = 0.05,
+    residuals: Residuals, operators: Sequence[Operator], *, left: Callable[[np.ndarray], np.ndarray] | None = None
 ) -> SourceTest:
     """Invert the residuals of recording and twins for every source, and weigh sources against sensors.
 
@@ -305,7 +302,7 @@ def scan_sources(
         low, high = np.quantile(solved[1:], [0.025, 0.975], axis=0)
         rival = max((k for k in sensors if k in _moved(white, one)), key=lambda k: float(sensors[k][0]))
         balance = float(source_gains[j][0] - sensors[rival][0])
-        sure = min(whole.adjusted[j], whole.adjusted[len(sources) + list(sensors).index(rival)]) <= alpha
+        sure = min(whole.adjusted[j], whole.adjusted[len(sources) + list(sensors).index(rival)]) <= ALPHA
         found.append(
             Source(
                 name=one.name,
@@ -328,8 +325,8 @@ def scan_sources(
     by_channel = {residuals.names[k]: float(gains[0]) for k, gains in sensors.items()}
     p_values = dict(zip(by_channel, whole.adjusted[len(sources) :], strict=True))
     suspect = max(by_channel, key=lambda name: by_channel[name])
-    done = SourceTest(whole, found, by_channel, suspect if p_values[suspect] <= alpha else None, [], white)
-    return replace(done, findings=_findings(residuals, done, list(sensors), alpha))
+    done = SourceTest(whole, found, by_channel, suspect if p_values[suspect] <= ALPHA else None, [], white)
+    return replace(done, findings=_findings(residuals, done, list(sensors)))
 
 
 def _grouped(operator: Operator) -> Operator:
@@ -376,7 +373,7 @@ def _moved(white: Whitened, operator: Operator) -> list[int]:
     return [k for k, one in size.items() if one >= _MOVES * max(size.values())]
 
 
-def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha: float) -> list[Finding]:
+def _findings(residuals: Residuals, done: SourceTest, sensors: list[int]) -> list[Finding]:
     found: list[Finding] = []
     sources, whole = done.sources, done.test
 
@@ -384,7 +381,7 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
         k = list(residuals.names).index(name)
         column = len(sources) + sensors.index(k)
         named = any(f.kind == "sensor" and f.channel == name for f in found)
-        if whole.adjusted[column] <= alpha and verdict in ("sensor", "undecided") and not named:
+        if whole.adjusted[column] <= ALPHA and verdict in ("sensor", "undecided") and not named:
             found.append(
                 Finding(
                     kind="sensor",
@@ -392,7 +389,7 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
                     label=residuals.labels[k],
                     cell={"against": against.name},
                     p_value=float(whole.adjusted[column]),
-                    direction=_words(done, name, against, verdict, alpha),
+                    direction=_words(done, name, against, verdict),
                     size=-balance,
                     unit="1",
                     t=float(whole.t[column]),
@@ -400,7 +397,7 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
             )
 
     for j, one in enumerate(sources):
-        if one.needed(alpha) and one.verdict in ("balance", "undecided"):
+        if one.needed and one.verdict in ("balance", "undecided"):
             peak = int(np.argmax(np.abs(one.estimate)))
             day = (one.edges[peak] - one.edges[0]) / DAY
             found.append(
@@ -425,13 +422,13 @@ def _findings(residuals: Residuals, done: SourceTest, sensors: list[int], alpha:
     return found
 
 
-def _words(done: SourceTest, sensor: str, against: Source, verdict: Verdict, alpha: float) -> str:
+def _words(done: SourceTest, sensor: str, against: Source, verdict: Verdict) -> str:
     """What an error of a sensor explains beside a source; and if that is little, what explains the residual better."""
     than = "better than" if verdict == "sensor" else "about as well as"
     said = f"an error of this channel alone explains the residual {than} {against.label}"
-    if not against.needed(alpha):
+    if not against.needed:
         said += ", of which none is needed"
-    better = [one for one in done.sources if one.needed(alpha) and one.gain - done.sensor_gains[sensor] > STRONG]
+    better = [one for one in done.sources if one.needed and one.gain - done.sensor_gains[sensor] > STRONG]
     if better:
         said += f", but worse than {max(better, key=lambda one: one.gain).label}"
     return said

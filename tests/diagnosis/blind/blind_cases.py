@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from diagnosis.blind.sealed import publish, seal
-from diagnosis.blind.verdicts import Outcome, Parameter, Run, Verdict, write_outcome, write_run
+from diagnosis.blind.verdicts import Outcome, Run, Verdict, write_outcome, write_run
 from shared.store import sha256_of
 
 SINCE = {"units": "seconds since 2001-01-01 00:00:00"}
@@ -106,17 +106,12 @@ def write_set(folder, cases, seed=7, system_name="Hand"):
 def write_results(results, folder, cases, library=("a", "b", "c"), without=()):
     """Verdict files for the cases of a set."""
     manifest = json.loads((folder / "manifest.json").read_text())
-    parameters = [
-        Parameter(name="r", unit="1", min=1.0, max=100.0, scale="log"),
-        Parameter(name="v", unit="1", min=0.0, max=20.0, scale="linear"),
-    ]
     run = Run(
         system_name="Hand",
         system_hash="h",
         answers_sha256=manifest["answers_sha256"],
         library=list(library),
         without=list(without),
-        parameters=parameters,
     )
     write_run(results, run)
     for one, case in zip(manifest["recordings"], cases, strict=True):

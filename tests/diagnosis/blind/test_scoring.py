@@ -35,23 +35,23 @@ LONG, SHORT = 20.0, 2.0
 def cases():
     """Twelve recordings; in the room those without an effect have gaps of 0.2 in the median."""
     moved = {
-        "r": Moved(before=9.0, before_low=8.0, before_high=9.5, after=1.0, after_low=0.9, after_high=1.2),
-        "v": Moved(before=12.0, before_low=9.0, before_high=13.0, after=12.0, after_low=11.0, after_high=13.0),
+        "r": Moved(before_low=8.0, before_high=9.5, after_low=0.9, after_high=1.2),
+        "v": Moved(before_low=9.0, before_high=13.0, after_low=11.0, after_high=13.0),
     }
-    shrunk = {ROOM: Shrunk(share=0.9, low=0.8, high=1.0), AIR: Shrunk(share=None, low=None, high=None)}
+    shrunk = {ROOM: Shrunk(share=0.9), AIR: Shrunk(share=None)}
     whole = {"shrinkage": shrunk, "parameters": moved}
-    small, large = Sized(value=5.0, low=4.0, high=5.5), Sized(value=5.0, low=4.0, high=6.5)
+    small, large = Sized(low=4.0, high=5.5), Sized(low=4.0, high=6.5)
     return [
         Case("none", truth="no_gap", room=0.4, length=1.0, verdict=QUIET.model_copy(update={"parameters": moved})),
         Case("none", truth="no_gap", room=0.2, length=1.0, verdict=said("a", p={"a": 0.5}, none=0.5)),
         Case("none", truth="no_gap", room=0.2, length=1.0, verdict=None),
         Case("library", ("a",), sizes=(2.0,), room=4.0, length=LONG,
-             verdict=said("a", p={"a": 0.9, "b": 0.1}, where=[Place(channel=ROOM, p_value=0.005)],
+             verdict=said("a", p={"a": 0.9, "b": 0.1}, where=[Place(channel=ROOM)],
                           sizes={"a": large}, **whole)),
         Case("library", ("a",), sizes=(0.3,), room=0.3, length=SHORT, verdict=QUIET),
         Case("library", ("b",), sizes=(2.0,), room=2.0, length=LONG,
              verdict=said("a", "b", p={"a": 0.6, "b": 0.3}, none=0.1, sizes={"a": large, "b": small}, **whole,
-                          where=[Place(channel=ROOM, kind="source", p_value=0.01)])),
+                          where=[Place(channel=ROOM, kind="source")])),
         Case("form", ("b",), room=3.0, length=LONG, replay=True, verdict=said("b")),
         Case("form", ("a",), room=2.0, length=LONG, verdict=NONE),
         Case("two", ("a", "b"), room=4.0, length=LONG, verdict=said("a", "b")),

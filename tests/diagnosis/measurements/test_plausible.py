@@ -113,6 +113,11 @@ def test_a_latitude_without_its_sign_is_told(house):
     assert told(nameless, "with the sun over 10 degrees high at latitude -52") and not told(nameless, "the town of")
 
 
+def test_a_step_that_does_not_divide_a_day_is_told(house):
+    odd = house(measured()[0], MAPPING.replace("[place]", "[grid]\nstep = 7000.0\n[place]"))
+    assert told(odd, "grid.step is 7000 s, of which no whole number makes a day; expected one that does, such as the")
+
+
 def test_an_output_of_which_nothing_is_left_is_told(house):
     gone = MAPPING.replace('"kW"\n', '"kW"\nshift = 1e9\n', 1)
     assert told(house(measured()[0], gone), "gas: kilowatts [kW] has no usable reading from 2022-")

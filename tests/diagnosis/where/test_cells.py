@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from diagnosis.where import Regime, Residuals, find_regimes
 from diagnosis.where.cells import scan_cells
-from shared.errors import RecordingError
 from tests.diagnosis.where.where_cases import twins, wander, with_observed
 
 STEPS = 480
@@ -235,15 +234,6 @@ def test_units_and_order_of_channels_do_not_matter(seed, scales, swap):
     first, second = a.findings[0], b.findings[0]
     assert (first.channel, first.cell) == (second.channel, second.cell)
     assert second.size == pytest.approx(first.size * scales[plain.names.index(first.channel)], rel=1e-5)
-
-
-def test_too_few_twins_and_twins_of_another_length_are_refused(quiet):
-    for twin, said in (
-        (quiet.replicates[:10], "found 10; expected at least 19"),
-        (quiet.replicates[:, :, :600], r"replicates: shape is \(99, 2, 600\)"),
-    ):
-        with pytest.raises(RecordingError, match=said):
-            Residuals(quiet.time, quiet.observed, twin, quiet.names, quiet.units)
 
 
 @pytest.mark.slow

@@ -143,7 +143,7 @@ def test_what_explains_a_residual_does_not_depend_on_the_order_of_sources(quiet,
     test = replace(found.test, adjusted=np.full(3, 0.01), t=np.full(3, 4.0))
     done = replace(found, sources=sources, sensor_gains={"y0": 20.0}, suspect="y0", test=test)
     assert done.verdict == "undecided"
-    (said,) = [one.direction for one in _findings(quiet, done, [0], 0.05) if one.kind == "sensor"]
+    (said,) = [one.direction for one in _findings(quiet, done, [0]) if one.kind == "sensor"]
     assert said == "an error of this channel alone explains the residual about as well as missing CO2"
 
 
