@@ -563,10 +563,15 @@ def _heat_below_zero(system: System, recording: Recording) -> bool:
     """Whether a measured heat flow is negative at times, beyond noise: then it is known that the room is cooled."""
     for one, values in _heats(system, recording):
         seen = values[np.isfinite(values)]
-        noise = max((n.sd for k in system.outputs if k.unit == one.unit for n in k.noise.values()), default=0.0)
+        noise = _heat_noise(system, one.unit)
         if len(seen) and float(np.quantile(seen, OFTEN)) < -2.0 * noise:
             return True
     return False
+
+
+def _heat_noise(system: System, unit: str) -> float:
+    """Standard deviation of a heat meter's noise [``unit``], of the noisiest preset; 0 if there is none."""
+    return max((n.sd for one in system.outputs if one.unit == unit for n in one.noise.values()), default=0.0)
 
 
 def _heats(system: System, recording: Recording) -> Iterator[tuple[Input | Output, np.ndarray]]:
@@ -614,13 +619,16 @@ def _negative(system: System, recording: Recording) -> Iterator[Finding]:
         return
     for one, values in _heats(system, recording):
         seen = values[np.isfinite(values)]
-        noise = max((n.sd for n in one.noise.values()), default=0.0) if isinstance(one, Output) else 0.0
-        if len(seen) and float(seen.mean()) < -noise and float(np.quantile(seen, 1 - OFTEN)) <= 2.0 * noise:
+        noise = _heat_noise(system, one.unit)
+        moves = len(seen) > 0 and float(seen.std()) > noise  # the zero of a meter does not
+        if moves and float(seen.mean()) < -noise and float(np.quantile(seen, 1 - OFTEN)) <= 2.0 * noise:
             sentence = (
-                f"{one.name} is {seen.mean():.0f} {one.unit} on average and hardly ever above zero, as a cooler's,"
+                f"{one.name} is {seen.mean():.3g} {one.unit} on average and hardly ever above zero, as a cooler's,"
                 f" while {room[0]} is warmer than the air outdoors."
             )
-            remedy = f"If it heats, write scale = -1 under [variables.{one.name}]."
+            remedy = (
+                f"If it heats, turn the sign of scale under [variables.{one.name}]: scale = -1 where there is none."
+            )
             yield Finding("unit", (one.name,), float(seen.mean()), one.unit, sentence, remedy, strong=False)
 
 

@@ -43,14 +43,14 @@ from shared.variables import (
 
 WHOLE = 1e-6
 """By so many steps a length may differ from a whole number of them."""
-MOST_STEPS = 1e9  # of a record; of more nobody could tell whether they are whole
+MOST_STEPS = 1e8  # of a record: three years of seconds; a series of more is a GiB
 
 
 class Experiment(Table):
     """How long and how finely a system is simulated."""
 
     step: float = Field(3600.0, gt=0, description="output step [s]")
-    hours: float = Field(8760.0, gt=0, le=1e6, description="length of the record [h]")
+    hours: float = Field(8760.0, gt=0, description="length of the record [h]")
     start: tuple[float, float] = Field(
         (0.0, 0.0), description="a record begins at a midnight between these hours, at the first if there is none [h]"
     )

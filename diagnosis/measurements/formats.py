@@ -131,7 +131,7 @@ def _texts(column: pd.Series, decimal: str) -> tuple[pd.Series, bool]:
         column = column.astype(object)
     kind = getattr(column.dtype, "kind", "O")
     if kind == "b":
-        return column.astype(int).astype(str).astype(object), True
+        return column.astype(str).astype(object), True
     if kind in "iuf":
         return column.astype(str).astype(object).where(there, ""), True
     if kind == "M":
@@ -144,8 +144,6 @@ def _texts(column: pd.Series, decimal: str) -> tuple[pd.Series, bool]:
 
 
 def _text(cell: Any, sign: str) -> str:
-    if isinstance(cell, bool | np.bool_):
-        return str(int(cell))
     if isinstance(cell, datetime):  # Excel's days in binary hold no whole second
         moment = pd.Timestamp(cell).round("ms")
         return str(moment)

@@ -34,7 +34,7 @@ from diagnosis.measurements.signal import (
     source_value,
     to_target,
 )
-from diagnosis.measurements.table import Measurements
+from diagnosis.measurements.table import OFF, STATES, Measurements
 from diagnosis.measurements.weather import Daylight
 from shared.errors import RecordingError
 from shared.schema import ASSUMED, COMPUTED, IMPOSSIBLE, STUCK
@@ -128,7 +128,7 @@ class Judge:
         if meter is None:
             return made
         same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
-        own = {name: getattr(meter, name) for name in ("column", "unit", "scale", "offset", "persons")}
+        own = {name: getattr(meter, name) for name in meter.model_fields_set}
         other = self.signal(
             Source(**own, **same),
             made.target.unit,
@@ -204,7 +204,8 @@ class Judge:
         column = str(source.column)
         self.used.add(column)
         states = source.unit in ("", "1", "fraction", *_STATES) or "scale" in source.model_fields_set
-        readings = self.data.numbers(column, where, states=states)
+        words = STATES if states else {} if spelled(unit) in MOVING else OFF
+        readings = self.data.numbers(column, where, words)
         where = f"{where}: column {column!r}"
         density = self.mapping.air_density
         kind_of_reading = source.reading or self.mapping.defaults.reading

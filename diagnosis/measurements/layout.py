@@ -66,7 +66,7 @@ class Layout:
     @property
     def interval(self) -> float:
         """Usual spacing of the rows [s]; of several rows of one time stamp that of the stamps."""
-        apart = np.diff(self.wall[np.isfinite(self.wall)])
+        apart = np.abs(np.diff(self.wall[np.isfinite(self.wall)]))
         apart = apart[apart > 0]
         return float(np.median(apart)) if apart.size else 0.0
 
@@ -187,9 +187,10 @@ def _of_sheet(path: Path, why: dict[str, str]) -> tuple[dict[str, str], int, int
 
 def _names_at(records: Sequence[tuple[int, list[str]]], width: int, path: Path, why: dict[str, str]) -> tuple[int, int]:
     """Which line holds the column names, and how many lines follow it before the readings."""
-    timed = [len(row) >= max(min(width, 2), width - 1) and _has_time(row) for _, row in records]
-    # a line above the table, as of its period, may hold a date: that of the names, which comes next, does not
-    first = next((k for k, here in enumerate(timed) if here and all(timed[k : k + 2])), None)
+    timed = [k for k, (_, row) in enumerate(records) if len(row) >= min(width, 2) and _has_time(row)]
+    # a line above the table, as of its period, may hold a date: of readings the first comes below names or units
+    below_names = [k for k in timed if k and k - 1 not in timed and len(records[k - 1][1]) >= max(2, width - 1)]
+    first = next(iter([*below_names, *timed]), None)
     if first is None:
         raise RecordingError(
             f"{path}: no line begins like measurements: none of the first {len(records)} holds a date and time;"
@@ -253,8 +254,8 @@ def _time_columns(frame: pd.DataFrame, path: Path) -> tuple[list[str], list[str]
         # a register that rises through such numbers does so by uneven steps
         if (
             len(apart)
-            and (apart >= 0).all()
-            and np.mean(np.abs(apart - np.median(apart)) <= 0.5 * np.median(apart)) > 0.5
+            and ((apart >= 0).all() or (apart <= 0).all())  # newest first
+            and np.mean(np.abs(apart - np.median(apart)) <= 0.5 * np.abs(np.median(apart))) > 0.5
         ):
             return [name], forms
     raise RecordingError(

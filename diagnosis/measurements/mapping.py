@@ -357,10 +357,11 @@ _TABLES: dict[str, type[Table]] = {
 _EITHER = {
     "fill": "expected 'none', 'interpolate' or a number",
     "column": "expected a column's name in quotation marks",
-    "valid": "expected two numbers, as [0.0, 100.0]",
+    "valid": "expected two finite numbers, as [0.0, 100.0]",
 }
 """What a field may hold that may hold several things."""
 _EXPECTED = {
+    "int_type": "a whole number, as 1",
     "string_type": "text in quotation marks",
     "list_type": 'a list, as ["NA", "-"]',
     "dict_type": "a table",
@@ -414,5 +415,6 @@ def _mistake(one: Any, where: list[int | str]) -> str:
         return f"unknown field (found {found}); expected {table[1]} {', '.join(names)}{meant(str(where[-1]), names)}"
     if where and where[-1] in _EITHER:
         return f"is {found}; {_EITHER[str(where[-1])]}"
-    expected = _EXPECTED.get(kind, "a number, without quotation marks").format(**one.get("ctx", {}))
+    number = "a number, without quotation marks" if isinstance(one["input"], str) else "a number"
+    expected = _EXPECTED.get(kind, number).format(**one.get("ctx", {}))
     return f"is {found}; expected {expected}"

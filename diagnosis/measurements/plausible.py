@@ -299,9 +299,10 @@ def about_zone(clock: Clock, place: Place | None) -> str | None:
         return None
     where = latitude_of(clock.zone)
     if where is not None and abs(where - place.latitude) > FAR:
+        turned = " (south is negative)" if abs(where + place.latitude) <= FAR else ""
         return (
             f"place has latitude {place.latitude:g}, and the town of zone {clock.zone} lies at {where:.0f}: check"
-            " place.latitude (south is negative) and time.zone"
+            f" place.latitude{turned} and time.zone, which may be an offset such as '+01:00'"
         )
     off = (clock.offset / 3600.0 - place.longitude / 15.0 + 12.0) % 24.0 - 12.0
     if abs(off) <= OFF:
@@ -330,20 +331,21 @@ def is_light(ghi: Signal) -> bool:
 
 
 def about_dark(ghi: Signal, clock: Clock, place: Place) -> str | None:
-    """A sentence if global horizontal irradiance is darker than any cloud makes it while the sun of the place is up."""
-    values, clear = _by_day(ghi, clock, place)
-    dark = float(np.mean(values < UNLIT * clear)) if len(values) >= REGISTER else 0.0
-    if dark <= SELDOM_UNLIT:
+    """A sentence if global horizontal irradiance is darker than any cloud makes it while the place has its sun."""
+    times, values, clear = _by_day(ghi, clock, place)
+    dark = values < UNLIT * clear
+    if dark.sum() < FEW or np.mean(dark) <= SELDOM_UNLIT or len(np.unique(times[dark] // DAY)) < 2:
         return None
     return (
-        f"it is dark in {dark:.0%} of the readings with the sun over 10 degrees high at latitude {place.latitude:g},"
-        f" longitude {place.longitude:g}: check place (south and west are negative), time.zone, and the sensor"
+        f"the irradiance is dark in {np.mean(dark):.0%} of its readings with the sun over 10 degrees high at latitude"
+        f" {place.latitude:g}, longitude {place.longitude:g}: check place (south and west are negative), time.zone, and"
+        " the sensor"
     )
 
 
 def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:
     """A sentence if global horizontal irradiance is far from what any sky lets through."""
-    values, clear = _by_day(ghi, clock, place)
+    _, values, clear = _by_day(ghi, clock, place)
     if len(values) < REGISTER:
         return None
     # of the highest each: at a low sun, a hill or a late clock makes any ratio
@@ -353,12 +355,12 @@ def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:
     return f"the irradiance reaches {share:.3g} of a clear sky's in its best hours: check its unit, and place"
 
 
-def _by_day(ghi: Signal, clock: Clock, place: Place) -> tuple[np.ndarray, np.ndarray]:
-    """Irradiance with the sun above 10 degree, and a clear sky's then, (readings,) each [W/m2].
+def _by_day(ghi: Signal, clock: Clock, place: Place) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times [s], irradiance with the sun above 10 degree, and a clear sky's then [W/m2], (readings,) each.
 
     Clear sky: 910 sin(h) - 30 W/m2 (Kasten and Czeplak 1980).
     """
     clean = ghi.clean()
     zenith, _ = sun_position(clock.utc(clean.middle), place)
     up = zenith < _HIGH
-    return clean.values[up], 910.0 * np.cos(np.radians(zenith[up])) - 30.0
+    return clean.middle[up], clean.values[up], 910.0 * np.cos(np.radians(zenith[up])) - 30.0

@@ -121,7 +121,10 @@ MARKS = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (code
 """What files in other encodings begin with; that of UTF-32 begins with one of UTF-16."""
 _MINUS = "\u2212"
 """The sign that some languages' programs write before negative numbers."""
-_TRUE = {"true": "1", "yes": "1", "on": "1", "false": "0", "no": "0", "off": "0"}
+OFF = {"false": "0", "no": "0", "off": "0"}
+"""Words for nothing of whatever a column is in, but a temperature."""
+STATES = {"true": "1", "yes": "1", "on": "1", **OFF}
+"""Words for a state."""
 
 
 @dataclass
@@ -155,11 +158,11 @@ class Measurements:
     twice: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
 
-    def numbers(self, name: str, where: str, *, states: bool = True) -> np.ndarray:
+    def numbers(self, name: str, where: str, words: dict[str, str] = STATES) -> np.ndarray:
         """A column as numbers, NaN where there is none, shape (rows,) [as in the file].
 
-        ``states`` says that texts such as on and off are 1 and 0. Raises RecordingError if the file has no such column,
-        or most of it is text or nothing.
+        ``words`` in lower case are numbers, too. Raises RecordingError if the file has no such column, or most of it is
+        text or nothing.
         """
         if name in self.twice:
             raise RecordingError(f"{where}: {self.path} has several columns {name!r}; expected a name for each")
@@ -171,16 +174,15 @@ class Measurements:
         if name not in self.numeric:
             text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
         self.notes += [f"column {name}: {one}" for one in notes]
-        if states:
-            text = text.str.lower().replace(_TRUE)
+        text = text.str.lower().replace(words)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
         values = np.where(np.abs(values) <= LARGEST, values, np.nan)
         odd = text.notna().to_numpy() & np.isnan(values)
-        if odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
+        switched = bool(odd.any()) and text.dropna().isin([*STATES, "0"]).all()
+        if switched or odd.sum() > 0.5 * text.notna().sum() or not np.isfinite(values).any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])] if odd.any() else None
             found = "is empty" if example is None else f"holds text such as {shown(example)} in {int(odd.sum())} rows"
-            state = text.str.lower().isin(_TRUE).any()
-            remedy = "(scale = what ON stands for, in the unit, as scale = 2.5)" if state else "(file.decimal?)"
+            remedy = "(scale = what ON stands for, in the unit, as scale = 2.5)" if switched else "(file.decimal?)"
             raise RecordingError(f"{where}: column {name!r} of {self.path} {found}; expected numbers {remedy}")
         if odd.any():
             example = self.columns[name].iloc[int(np.flatnonzero(odd)[0])]

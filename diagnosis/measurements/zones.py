@@ -39,23 +39,26 @@ def zones_of_country(name: str) -> list[str]:
 
     From the tables of the time zone database, as tzdata brings them; without it no country is known.
     """
-    codes = {row[0] for row in _zone_table("iso3166") if name.casefold() in (row[0].casefold(), row[1].casefold())}
-    return [row[2] for row in _zone_table("zone") if row[0] in codes][:3]
+    codes = {row[0] for row in _zone_table("iso3166.tab") if name.casefold() in (row[0].casefold(), row[1].casefold())}
+    return [row[2] for row in _zone_table("zone.tab") if row[0] in codes][:3]
 
 
 def latitude_of(zone: str) -> float | None:
     """The latitude [degree] of the town that an IANA zone is named after; None where the tables do not have it."""
-    found = next((row[1] for row in _zone_table("zone") if row[2] == zone), None)
+    links = (row[0].split() for row in _zone_table("tzdata.zi") if row[0].startswith("L "))
+    known = {name: target for _, target, name in links}  # "L Asia/Kolkata Asia/Calcutta"
+    towns = {row[2]: row[1] for row in _zone_table("zone.tab")}
+    found = towns.get(zone) or towns.get(known.get(zone, ""))
     if found is None:
         return None
     sign, degrees, minutes = found[0], int(found[1:3]), int(found[3:5])  # as +404251-0740023
     return (-1.0 if sign == "-" else 1.0) * (degrees + minutes / 60.0)
 
 
-def _zone_table(kind: str) -> list[list[str]]:
+def _zone_table(name: str) -> list[list[str]]:
     """The rows of a table of the time zone database; none where tzdata is not installed."""
     try:
-        text = (files("tzdata") / "zoneinfo" / f"{kind}.tab").read_text(encoding="utf-8")
+        text = (files("tzdata") / "zoneinfo" / name).read_text(encoding="utf-8")
     except (ModuleNotFoundError, FileNotFoundError):
         return []
     return [row.split("\t") for row in text.splitlines() if row and row[0] != "#"]

@@ -108,12 +108,12 @@ def test_a_hall_that_is_not_the_descriptions():
     # the noise of a heat meter that reads nothing is no cooler
     metered = HALL.model_copy(update={"outputs": [*HALL.outputs, HALL.outputs[0].model_copy(update=METER)]})
     noise = np.random.default_rng(0).normal(0, 50, (1, len(recording.time)))
-    for heat, found in ((noise, True), (noise - 500.0, False)):
+    for heat, found in ((noise, True), (10.0 * noise - 2500.0, False)):
         said = check_physics(metered, replace(cooled, outputs=np.concatenate([cooled.outputs, heat])))
         assert any("is cooled" in one.sentence for one in said) == found
         warm = replace(recording, outputs=np.concatenate([recording.outputs, heat]))
         said = check_physics(metered, warm)
-        turned = ["If it heats, write scale = -1 under [variables.meter]."]
+        turned = ["If it heats, turn the sign of scale under [variables.meter]: scale = -1 where there is none."]
         assert [one.remedy for one in said] == ([] if found else turned)
     crowded = replace(recording, inputs=recording.inputs | {"heads": 2.0 * recording.inputs["heads"]})
     assert any("and the description has 20 at most" in one.sentence for one in check_physics(HALL, crowded))

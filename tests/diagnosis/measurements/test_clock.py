@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.measurements.clock import formats_of, make_clock, read_stamps, standard_offset
+from diagnosis.measurements.clock import formats_of, make_clock, read_stamps, runs_backwards, standard_offset
 from diagnosis.measurements.mapping import Time
-from diagnosis.measurements.zones import find_zone
+from diagnosis.measurements.zones import find_zone, latitude_of
 from shared.errors import RecordingError
 
 ZONES = ["Europe/Amsterdam", "America/New_York", "Australia/Sydney", "Australia/Lord_Howe", "Europe/Dublin", "UTC"]
@@ -253,3 +253,18 @@ def test_a_row_for_each_sensor_comes_back_as_it_was(every, late, before):
     rows.sort()
     utc, _ = understood(on_the_wall([time for time, _ in rows]), [sensor for _, sensor in rows])
     np.testing.assert_array_equal(utc, [time.timestamp() for time, _ in rows])
+
+
+def test_rows_across_two_autumns_are_known_as_newest_first():
+    stamps = pd.date_range("2021-10-01", "2022-12-01", freq="30min", tz="Europe/Amsterdam").tz_localize(None)
+    texts = pd.Series(stamps.strftime("%Y-%m-%d %H:%M"))
+    assert runs_backwards(texts[::-1], "ISO8601") and not runs_backwards(texts, "ISO8601")
+    assert not runs_backwards(pd.concat([texts[5000:], texts[:5000]]), "ISO8601")
+
+
+@pytest.mark.parametrize(
+    ("zone", "latitude"),
+    [("America/New_York", 40.7), ("US/Eastern", 40.7), ("Australia/Sydney", -33.9), ("Etc/GMT-1", None), ("x", None)],
+)
+def test_where_the_town_of_a_zone_lies(zone, latitude):
+    assert latitude_of(zone) == (latitude if latitude is None else pytest.approx(latitude, abs=0.1))

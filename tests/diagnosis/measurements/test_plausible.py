@@ -86,7 +86,7 @@ def test_what_is_as_declared_is_not_suspected(house):
         "clear sky's",
         "the sun at longitude",
         "the town of zone",
-        "it is dark in",
+        "irradiance is dark",
         "run by it",
     ):
         assert not told(report, words), report.notes
@@ -116,6 +116,21 @@ def test_a_latitude_without_its_sign_is_told(house):
 def test_a_step_that_does_not_divide_a_day_is_told(house):
     odd = house(measured()[0], MAPPING.replace("[place]", "[grid]\nstep = 7000.0\n[place]"))
     assert told(odd, "grid.step is 7000 s, of which no whole number makes a day; expected one that does, such as the")
+
+
+def test_a_heater_that_is_off_takes_no_power(house):
+    frame, hours = measured()
+    on = np.round(frame["kilowatts"], 3)
+    numbers = house(frame.assign(kilowatts=np.where(hours % 24 < 6, 0.0, on)), out="numbers.nc")
+    words = house(frame.assign(kilowatts=np.where(hours % 24 < 6, "OFF", on.astype(str))), out="words.nc")
+    found = [xr.load_dataset(one.recording)["gas"].values for one in (numbers, words)]
+    np.testing.assert_allclose(*found)
+
+
+def test_a_dark_noon_is_a_lost_reading(house):
+    frame, hours = measured()
+    noon = (hours == 13) | (hours == 37)
+    assert not told(house(frame.assign(sun=np.where(noon, 0.0, frame["sun"]))), "irradiance is dark")
 
 
 def test_an_output_of_which_nothing_is_left_is_told(house):

@@ -45,6 +45,9 @@ def test_a_file_whose_newest_row_comes_first_is_read_from_its_end(read):
     found = read("\n".join([names, *rows[::-1]]).encode())
     np.testing.assert_array_equal(found.numbers("room", "here"), [20.5, -21.25, 22.0])
     assert list(found.columns["note"]) == ["a, b", "c", ""]
+    counted = [row.replace(row[:16], str(44621 + k / 24)) for k, row in enumerate(rows)]
+    serial = read("\n".join([names, *counted[::-1]]).encode())
+    np.testing.assert_array_equal(serial.numbers("room", "here"), [20.5, -21.25, 22.0])
     assert found.notes == ["rows are newest first, and are read from the last one on"]
     with pytest.raises(RecordingError, match=r"time runs backwards from row 2 .* sort them, or remove the rows that"):
         read("\n".join([names, *rows[1:], rows[0]]).encode())

@@ -48,7 +48,7 @@ from tests.small_disk import SAID, small_disk
             "variables.warmth: column 'room' is that of weather.temp_air, too",
         ),
         (
-            lambda d: d.assign(kilowatts=np.where(d["kilowatts"] > 0, "ON", "Off")),
+            lambda d: d.assign(kilowatts=np.where(d["kilowatts"] > 1.9, "ON", "Off")),
             MAPPING,
             r"gas: column 'kilowatts' of .* holds text such as 'O.*; expected numbers \(scale = what ON stands for",
         ),
