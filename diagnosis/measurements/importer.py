@@ -236,7 +236,7 @@ def import_recording(
     if abs(DAY / composer.step - round(DAY / composer.step)) > 1e-9:
         composer.notes.append(
             f"{settings[0].path}: grid.step is {composer.step:g} s, of which no whole number makes a day; expected one"
-            f" that does, such as the description's {described.experiment.step:g}: no estimator reads it"
+            f" that does, such as the description's {described.experiment.step:g}"
         )
     for one in composers[1:]:
         composer.notes.extend(_about_further(one))

@@ -2,17 +2,20 @@
 
 import re
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pvlib
 import pytest
 import xarray as xr
 
 from diagnosis.measurements.clock import make_clock
 from diagnosis.measurements.mapping import Place
-from diagnosis.measurements.plausible import find_offset
+from diagnosis.measurements.plausible import about_dark, find_offset
 from diagnosis.measurements.signal import Signal
 from diagnosis.measurements.weather import Daylight
+from diagnosis.measurements.zones import find_zone
 from shared.errors import RecordingError
 from tests.diagnosis.measurements.house_cases import HOUSE, MAPPING, ZONE, measured
 
@@ -111,6 +114,21 @@ def test_a_latitude_without_its_sign_is_told(house):
     winter, _ = measured(first=datetime(2022, 11, 3, 23, 0, tzinfo=UTC))
     nameless = house(winter, south.replace("Europe/Amsterdam", "+01:00"), out="nameless.nc")
     assert told(nameless, "with the sun over 10 degrees high at latitude -52") and not told(nameless, "the town of")
+
+
+@pytest.mark.parametrize("name", ["723170TYA.CSV", "703165TY.csv"])
+def test_no_week_of_measured_weather_is_dark_by_day_unless_the_latitude_is_turned(name):
+    path = Path(pvlib.__file__).parent / "data" / name
+    data, meta = pvlib.iotools.read_tmy3(path, map_variables=True, coerce_year=2001)
+    zone = f"{'-' if meta['TZ'] < 0 else '+'}{abs(int(meta['TZ'])):02d}:00"
+    clock = make_clock(zone, find_zone(zone), datetime(2001, 1, 1, tzinfo=UTC).timestamp())
+    begin = np.arange(len(data)) * 3600.0
+    ghi, flags = data["ghi"].to_numpy(dtype=float), np.zeros(len(data), np.int8)
+    weeks = [slice(k, k + 168) for k in range(0, 8736, 168)]
+    made = [Signal(begin[k], begin[k] + 3600.0, ghi[k], flags[k], "mean", np.inf, "W/m2") for k in weeks]
+    for sign, least, most in ((1, 0, 0), (-1, 10, 52)):
+        place = Place(latitude=sign * meta["latitude"], longitude=meta["longitude"])
+        assert least <= sum(about_dark(week, clock, place) is not None for week in made) <= most
 
 
 def test_a_step_that_does_not_divide_a_day_is_told(house):
