@@ -2,7 +2,8 @@
 
 It begins at the base model's fit with the sensors' noise (:func:`diagnosis.fitting.starting.begun`). What a room does
 beyond the model would be fitted away by its parameters if that noise were all that may be left. So the errors that are
-left are estimated (:func:`diagnosis.fitting.noise.estimated`), and the fit is settled with them, until both stay.
+left are estimated (:func:`diagnosis.fitting.noise.estimated`), and the fit is settled with them, until both stay. Where
+nobody counted the persons, it settles by the whole density of the readings (:mod:`diagnosis.fitting.freedom`).
 
 **Doubt.** Parameters also make up for what the model is not, and a fit's own covariance knows no such. What a model
 takes for granted is among the unknowns (:mod:`diagnosis.fitting.runs`), but not all of it: weather that was read with
@@ -135,7 +136,7 @@ def fit(
             if stays:
                 break
             colours = left
-            found = settled(found.lin, problem.observed, colours)
+            found = settled(found.lin, problem.observed, colours, sloped=True)
     except (TimeUp, *FAILURES) as error:
         _log.info("the fit ends before its errors stay: %s", error)
     with problem.runner.lifted():

@@ -136,12 +136,17 @@ class Grams:
         return kept[1], kept[2]
 
     def total(self, colours: dict[int, Colour]) -> Product:
-        """Sum over all channels that have readings."""
+        """Sum over all channels that have readings, with the line's slope by the unknowns."""
         parts = [self.channel(k, colours[k]) for k in self.channels]
         whole = parts[0]
         for one in parts[1:]:
             whole = whole + one
-        return whole
+        if not self.lin.slope or not self.n_unknown:
+            return whole
+        slopes, where = self.lin.slopes
+        score = whole.score.copy()
+        score[self.n_nuisance : self.n_nuisance + self.n_unknown] -= self.spread * slopes
+        return replace(whole, score=score, square=whole.square - 2 * float(slopes @ where))
 
     def without_nuisance(self, colours: dict[int, Colour]) -> Projected:
         """All other columns when the nuisance has explained what it can; its factor is kept for the last colours."""

@@ -14,8 +14,8 @@ What a fit may leave out and a test may not: how wide the nuisances really are.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -123,7 +123,8 @@ class Linearised:
     steps, unknowns): parameters, amplitudes that were fitted, levels, at ``z`` (unknowns,); ``by_effect`` (outputs,
     steps, effects) by amplitudes in units of scales, from zero. ``effects`` are the candidates, ``chosen`` what was
     fitted. ``turn`` (nuisance unknowns of the problem, of ``by_nuisance``): what the latter are made of. ``failed``:
-    candidates that cannot be simulated on either side, by name, and why.
+    candidates that cannot be simulated on either side, by name, and why. ``slope``: by an unknown's name, what it
+    costs in log density that the nuisance is the better known there, and where: see :mod:`diagnosis.fitting.freedom`.
     """
 
     problem: Problem
@@ -137,6 +138,15 @@ class Linearised:
     by_effect: np.ndarray
     effects: tuple[Effect, ...]
     failed: dict[str, str]
+    slope: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the unknowns cost, and where, each (unknowns,); zero for those without a slope."""
+        if not self.slope:
+            return np.zeros(len(self.z)), np.zeros(len(self.z))
+        slopes, where = np.array([self.slope.get(name, (0.0, 0.0)) for name in self.problem.names]).T
+        return slopes, where
 
     @property
     def chosen(self) -> tuple[Effect, ...]:
@@ -190,7 +200,7 @@ def linearised(
     by_unknown
         Derivatives that are known already; they are not simulated again.
     like
-        Another one with the same response to the nuisance.
+        Another one with the same response to the nuisance, and its slope.
     """
     library = problem.with_effects([*problem.effects, *effects])
     first = len(problem.system.parameters) + len(problem.effects)
@@ -251,6 +261,7 @@ def linearised(
         by_effect=stacked[..., count:],
         effects=tuple(effects),
         failed=failed,
+        slope={} if like is None else like.slope,
     )
 
 

@@ -24,6 +24,7 @@ from scipy.optimize import lsq_linear
 
 from diagnosis.effects import Effect
 from diagnosis.fitting.failures import FAILURES
+from diagnosis.fitting.freedom import corrected, half_logdet, slope_of
 from diagnosis.fitting.gaussian import factor, mass
 from diagnosis.fitting.grams import AMPLITUDE, Colour, Grams, estimated_colours
 from diagnosis.fitting.likely import pruned
@@ -39,7 +40,9 @@ SHARES = (1.0, 0.4)
 """Of a move to where the straight line sees the optimum."""
 
 
-def settled(first: Linearised, observed: np.ndarray, colours: dict[int, Colour] | None = None) -> Refit:
+def settled(
+    first: Linearised, observed: np.ndarray, colours: dict[int, Colour] | None = None, *, sloped: bool = False
+) -> Refit:
     """The most plausible unknowns with the nuisance integrated out, linearised where they are.
 
     Each line leads to its own optimum, or part of the way: as far as the readings become more plausible when the line
@@ -53,6 +56,8 @@ def settled(first: Linearised, observed: np.ndarray, colours: dict[int, Colour] 
         Readings that count, shape (outputs, steps).
     colours
         By channel; estimated on the first line if not given.
+    sloped
+        Whether steps follow how the freedom of persons whom nobody counted changes (:mod:`.freedom`).
     """
     size, first = first.problem.floor, replace(first, by_effect=first.by_effect[..., :0], effects=())
     grams = Grams(first, observed)
@@ -61,6 +66,8 @@ def settled(first: Linearised, observed: np.ndarray, colours: dict[int, Colour] 
     except FAILURES:  # what is likely on the straight line may be nothing that the model can be run with
         here = Grams(linearised(first.problem, first.z, first.around), observed)
     used = colours or estimated_colours(here, size).best
+    if sloped:
+        here = Grams(replace(here.lin, slope=slope_of(here, used)), observed, here)
     value, rests = _density(here, used), False
     for _ in range(LINES):
         moved, gain = refit(here, used, here.lin.z, (), redrawn=False), np.nan
@@ -70,6 +77,7 @@ def settled(first: Linearised, observed: np.ndarray, colours: dict[int, Colour] 
                 drawn = Grams(relinearised(moved.grams if share == 1.0 else here, used, there, observed), observed)
             except FAILURES:
                 continue
+            drawn = corrected(here, drawn, used)
             gain = _density(drawn, used) - value
             if gain > 0:
                 here, value = drawn, value + gain
@@ -82,8 +90,7 @@ def settled(first: Linearised, observed: np.ndarray, colours: dict[int, Colour] 
 
 def _density(grams: Grams, colours: dict[int, Colour]) -> float:
     """Log density of readings and unknowns where the line is drawn, nuisance integrated out, but for a constant."""
-    root = grams.without_nuisance(colours).root
-    return -misfit(grams, colours) - float(np.sum(np.log(np.diag(root))))
+    return -misfit(grams, colours) - half_logdet(grams, colours)
 
 
 def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every: np.ndarray) -> Linearised:
@@ -94,7 +101,7 @@ def relinearised(grams: Grams, colours: dict[int, Colour], z: np.ndarray, every:
     """
     problem = grams.lin.problem
     around = problem.linearise(z, likely(Grams(grams.lin, every), colours, z))
-    return linearised(problem, z, around)
+    return replace(linearised(problem, z, around), slope=grams.lin.slope)
 
 
 def likely(grams: Grams, colours: dict[int, Colour], z: np.ndarray) -> np.ndarray:
@@ -188,7 +195,7 @@ def refit(
     problem = before.lin.problem.with_effects([*before.lin.chosen, *new])
     z = np.clip(start, *inner(problem))
     here, exact = _begun(problem, z, before.lin, new)
-    cost = _cost(here, before, colours)
+    least = cost(Grams(here, before.observed, before), colours)
     settled = False
     for _ in range(steps):
         step, promised = step_from(here, before, colours)
@@ -201,12 +208,12 @@ def refit(
                 there = _at(problem, here.z + share * step, here)
             except FAILURES:
                 continue
-            value = _cost(there, before, colours)
-            if value < cost - 1e-3:
+            value = cost(Grams(there, before.observed, before), colours)
+            if value < least - 1e-3:
                 moved = (there, value)
                 break
         if moved is not None:
-            here, exact, cost = moved[0], False, moved[1]
+            here, exact, least = moved[0], False, moved[1]
         elif exact or not redrawn:
             break
         else:
@@ -223,8 +230,17 @@ def refit(
 
 
 def misfit(grams: Grams, colours: dict[int, Colour]) -> float:
-    """What a refit makes smallest, at the point where the line was drawn."""
-    return _cost(grams.lin, grams, colours)
+    """Half the square of the residual, nuisance integrated out, and of the unknowns, where the line was drawn."""
+    lin = grams.lin
+    here = replace(lin, by_unknown=np.zeros((*lin.residual.shape, 0)), z=np.zeros(0))
+    left = Grams(here, grams.observed, grams).without_nuisance(colours)
+    return 0.5 * (left.square + float(np.sum((lin.z / grams.spread) ** 2)))
+
+
+def cost(grams: Grams, colours: dict[int, Colour]) -> float:
+    """What a refit makes smallest: the misfit, and by the line's slope what the unknowns cost."""
+    slopes, where = grams.lin.slopes
+    return misfit(grams, colours) + float(slopes @ (grams.lin.z - where))
 
 
 def inner(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -262,20 +278,6 @@ def _at(problem: Problem, z: np.ndarray, near: Linearised, *, derivatives: bool 
         return made
     missed = made.outputs - near.outputs - near.by_unknown @ way
     return replace(made, by_unknown=near.by_unknown + missed[..., None] * way / (way @ way))
-
-
-def _cost(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> float:
-    """Half the square of the residual at ``z``, nuisance integrated out, and of the unknowns."""
-    grams = Grams(replace(lin, by_unknown=np.zeros((*lin.residual.shape, 0)), z=np.zeros(0)), before.observed, before)
-    left = grams.without_nuisance(colours)
-    return 0.5 * (left.square + float(np.sum((lin.z / _spread(lin)) ** 2)))
-
-
-def _spread(lin: Linearised) -> np.ndarray:
-    first = len(lin.problem.system.parameters)
-    spread = np.ones(len(lin.z))
-    spread[first : first + len(lin.chosen)] = AMPLITUDE
-    return spread
 
 
 def step_from(lin: Linearised, before: Grams, colours: dict[int, Colour]) -> tuple[np.ndarray, float]:

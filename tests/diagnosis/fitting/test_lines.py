@@ -79,6 +79,7 @@ def problem_of(rng, *, effects=3, chosen=0, outputs=2, steps=STEPS, nuisance=4, 
         by_unknown=smooth(parameters + chosen),
         by_effect=smooth(effects),
         effects=tuple(Nothing(f"effect {k}", lower=-5.0 if k else 0.0, upper=5.0) for k in range(effects)),
+        slope={},
     )
 
 
