@@ -27,6 +27,7 @@ from diagnosis.scores import score
 from diagnosis.usual import WARM_UP
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError, SystemDescriptionError
+from shared.refused import meant
 from shared.results import Result
 from shared.stretches import Stretch
 from shared.system import System
@@ -200,7 +201,11 @@ def _parameters(
 ) -> dict[str, float]:
     unknown = sorted(set(given) - set(system.parameter_names))
     if unknown:
-        raise SystemDescriptionError(f"{system.path}: {unknown[0]!r} is not an estimated parameter")
+        said = (f"{name!r} is not an estimated parameter{meant(name, system.parameter_names)}" for name in unknown)
+        raise SystemDescriptionError(
+            "\n".join(f"{system.path}: {one}" for one in said)
+            + f"\nexpected names of {', '.join(system.parameter_names)}"
+        )
     values = dict(given)
     if run is not None:
         values = {**estimate(run, recording, system), **values}

@@ -14,7 +14,7 @@ from diagnosis.fitting.failures import said_by
 from diagnosis.fitting.fit import fit
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.simulations import Simulations, side_by_side, simulations
+from diagnosis.fitting.simulations import Simulations, check_command, side_by_side, simulations
 from diagnosis.fitting.starting import PRIOR
 from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up, read_recording
@@ -22,7 +22,6 @@ from diagnosis.usual import STARTS, WARM_UP
 from diagnosis.verdicts import doubt_of
 from diagnosis.zero_shot import estimate
 from shared.errors import RecordingError
-from shared.places import check_folder
 from shared.stretches import LONGEST, Stretch
 from shared.system import System, load_system
 
@@ -148,8 +147,7 @@ def calibrate(
     """
     if starts < 1:
         raise RecordingError(f"starts is {starts}; expected at least 1")
-    if out is not None:
-        check_folder(Path(out), RecordingError)
+    check_command(out, minutes)
     described, record = opened(
         system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
     )

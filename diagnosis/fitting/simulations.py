@@ -48,6 +48,7 @@ from shared.children import starting, worker_pool
 from shared.errors import ClusterError, RecordingError, SimulationError, TimeUp, ZeroshotError
 from shared.logs import logger
 from shared.numbers import counted
+from shared.places import check_folder
 from shared.progress import EVERY
 from shared.system import System
 
@@ -357,6 +358,17 @@ class Simulations:
         _log.info("%s", f"{self._stage} ({', '.join(about)})" if about else self._stage)
 
 
+def check_command(out: Path | str | None, minutes: float | None) -> None:
+    """Refuse, before anything is read, a folder that cannot be written to and a time that is none.
+
+    Raises RecordingError.
+    """
+    if minutes is not None and not minutes > 0:
+        raise RecordingError(f"minutes is {minutes:g}; expected more than 0, for example 10")
+    if out is not None:
+        check_folder(Path(out), RecordingError)
+
+
 @contextmanager
 def simulations(
     runner: Runner,
@@ -378,11 +390,6 @@ def simulations(
         What they are of. Settings are no part of it: a simulation is found by all that it depends on itself.
     within
         Simulations of a command that this is a part of: they go on with another runner while this lasts.
-
-    Raises
-    ------
-    RecordingError
-        If there is no time at all.
     """
     if within is not None:
         before, within.runner = within.runner, runner
@@ -391,8 +398,6 @@ def simulations(
         finally:
             within.runner = before
         return
-    if minutes is not None and not minutes > 0:
-        raise RecordingError(f"minutes is {minutes:g}; expected more than 0, for example 10")
     kept = None
     if out is not None:
         system, fmu = simulator.system.hash(), simulator.fmu.sha256

@@ -36,7 +36,7 @@ from diagnosis.fitting.likely import most_likely
 from diagnosis.fitting.linear import Marginal
 from diagnosis.fitting.noise import errors_under
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.simulations import side_by_side, simulations
+from diagnosis.fitting.simulations import check_command, side_by_side, simulations
 from diagnosis.forecasting.forecasted import Ahead, Forecast, Forecasted, about_failed
 from diagnosis.physics import check_physics, check_recording
 from diagnosis.recording import HOUR, Recording, check_warm_up
@@ -45,7 +45,6 @@ from diagnosis.usual import LEVEL, STARTS, WARM_UP
 from diagnosis.zero_shot import check_estimator
 from shared.errors import RecordingError, SimulationError, TimeUp
 from shared.logs import logger
-from shared.places import check_folder
 from shared.stretches import Stretch
 from shared.system import System, load_system
 
@@ -131,8 +130,7 @@ def forecast(
     for name, hours in (("context", context), ("ahead", ahead)):
         if not hours > 0:
             raise RecordingError(f"{name} is {hours:g} h; expected more than 0")
-    if out is not None:
-        check_folder(Path(out), RecordingError)
+    check_command(out, minutes)
     given = None
     if calibration is not None:
         given = given_calibration(calibration, {"run": run, "starts": starts, "noise": noise})

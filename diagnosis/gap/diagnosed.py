@@ -15,7 +15,7 @@ from diagnosis.effects.base import foreseen
 from diagnosis.effects.library import check_baselines
 from diagnosis.fitting.lines import applicable
 from diagnosis.fitting.problem import Problem
-from diagnosis.fitting.simulations import side_by_side, simulations
+from diagnosis.fitting.simulations import check_command, side_by_side, simulations
 from diagnosis.fitting.starting import begun, usual_starts, zero_shot
 from diagnosis.gap.concluded import Diagnosis, concluded
 from diagnosis.gap.places import check_places
@@ -25,9 +25,7 @@ from diagnosis.physics import check_physics
 from diagnosis.recording import HOUR, Recording
 from diagnosis.usual import WARM_UP
 from diagnosis.verdicts import verdicts_of
-from shared.errors import RecordingError
 from shared.logs import logger
-from shared.places import check_folder
 from shared.stretches import Stretch
 from shared.system import System
 
@@ -104,8 +102,7 @@ def diagnose(
         If the time was up before the base model was fitted.
     """
     began = Began.now(0)
-    if out is not None:
-        check_folder(Path(out), RecordingError)
+    check_command(out, minutes)
     described, record = opened(
         system, recording, noise=noise, warm_up=warm_up, replay=replay, occupancy=occupancy, stretch=stretch
     )

@@ -8,7 +8,7 @@ import xarray as xr
 
 from datagen import simulate
 from datagen.driving.occupancy import occupancy_prior
-from diagnosis import calibrate, diagnose, residuals
+from diagnosis import calibrate, diagnose, forecast, residuals
 from diagnosis.cli import app
 from diagnosis.fitting.simulations import InProcess
 from diagnosis.recording import read_recording
@@ -128,6 +128,12 @@ def test_a_recording_without_warm_up_is_told_before_anything_is_simulated(
             entry(default_system, recording, warm_up=hours, **given)
 
 
+@pytest.mark.parametrize("entry", [calibrate, diagnose, forecast])
+def test_no_time_at_all_is_refused_before_anything_is_read(entry):
+    with pytest.raises(RecordingError, match=r"minutes is -1; expected more than 0, for example 10"):
+        entry("no-system", "no-recording.nc", minutes=-1)
+
+
 def test_time_must_be_regular(recording, default_system, tmp_path):
     data = xr.load_dataset(recording, decode_times=False)
     data.isel(time=[0, 1, 2, 5, 6]).to_netcdf(tmp_path / "bad.nc")
@@ -142,3 +148,9 @@ def test_the_command(recording, truth, default_system, capsys):
     assert set(found["outputs"]) == set(default_system.output_names)
     assert start(app, ["residuals", str(default_system.path), str(recording), "--set", values[0]]) == FAULT
     assert "no value for" in capsys.readouterr().err
+    wrong = [values[0].replace("gaiCO2.k", "gaiCO2.K"), "nothing=1"]
+    assert start(app, ["residuals", str(default_system.path), str(recording), "--set", *wrong]) == FAULT
+    said = " ".join(capsys.readouterr().err.split())
+    assert "'gaiCO2.K' is not an estimated parameter; did you mean gaiCO2.k?" in said
+    assert "'nothing' is not" in said
+    assert "expected names of gaiCO2.k, roo.AFlo" in said

@@ -16,7 +16,9 @@ def test_names_have_their_numbers():
         (["a"], "'a': expected NAME=VALUE with a finite number"),
         (["a=b"], "'a=b': expected NAME=VALUE with a finite number"),
         (["a=nan"], "'a=nan': expected NAME=VALUE with a finite number"),
+        (["=1"], "'=1': expected NAME=VALUE with a finite number"),
         (["a=1", "b=1", "a =2"], "'a =2': 'a' is given twice; expected one value of it"),
+        (["a=b", "c=1", "c=2", "d"], "(?s)'a=b': expected.*'c=2': 'c' is given twice.*'d': expected"),
     ],
 )
 def test_what_is_no_assignment_is_refused(items, said):
