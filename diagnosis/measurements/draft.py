@@ -191,7 +191,7 @@ def _file(layout: Layout) -> Iterator[str]:
     usual = File()
     fields = {
         name: getattr(layout.file, name)
-        for name in ("encoding", "separator", "decimal", "skip", "below", "sheet", "missing")
+        for name in ("encoding", "separator", "decimal", "skip", "below", "sheet", "missing", "names", "values")
         if getattr(layout.file, name) != getattr(usual, name)
     }
     if fields:

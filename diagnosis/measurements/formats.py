@@ -72,6 +72,28 @@ class Rows:
     hint: str = ""
 
 
+def spread(rows: Rows, names: str, values: str, path: Path) -> Rows:
+    """A table with a row for each reading, with a column for each text in ``names`` that holds what is in ``values``.
+
+    Raises RecordingError if it has no such columns, or too many texts.
+    """
+    if wrong := [one for one in (names, values) if rows.names.count(one) != 1]:
+        raise RecordingError(
+            f"{path}: file.names and file.values: no column {' and no column '.join(map(repr, wrong))}, or several;"
+            f" found {listed(rows.names)}{rows.hint}"
+        )
+    named = rows.frame[names].fillna("").str.strip()
+    rest = rows.frame.drop(columns=[names, values])
+    found = [one for one in named.unique() if one]
+    if taken := [one for one in found if one in rest.columns]:
+        raise RecordingError(f"{path}: file.names: column {names!r} holds {taken[0]!r}, which is a column, too")
+    check_cells(len(rest), len(found) + rest.shape[1], path)
+    made = {one: rows.frame[values].where(named == one, "") for one in found}
+    frame = pd.concat([rest, pd.DataFrame(made, index=rest.index)], axis=1)
+    numeric = rows.numeric & {*rest.columns} | (frozenset(found) if values in rows.numeric else frozenset())
+    return Rows(frame, [*map(str, frame.columns)], numeric, rows.notes, rows.hint)
+
+
 def kind_of(path: Path) -> str:
     """What a file is by its first bytes: ``excel``, ``parquet``, ``netcdf``, or else ``text``.
 

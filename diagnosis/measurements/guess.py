@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.measurements.layout import ROWS, Layout
 from diagnosis.measurements.mapping import MEASURABLE, OPEN
+from diagnosis.measurements.register import POWERS, is_register
 from diagnosis.measurements.signal import even, logged_on_change
 from diagnosis.measurements.table import Measurements
 from diagnosis.measurements.units import convert
@@ -97,9 +98,9 @@ class Column:
 
     @property
     def rises(self) -> bool:
-        """Whether it only rises, as a meter's register does."""
-        apart = np.diff(self.seen)
-        return len(apart) > 2 and bool((apart >= 0).all()) and len(np.unique(self.seen)) > 0.1 * len(self.seen)
+        """Whether it rises but for a reset, as a meter's register does."""
+        rising = len(self.seen) > 3 and bool((np.diff(self.seen) >= 0).all())
+        return is_register(self.seen) or (rising and len(np.unique(self.seen)) > 0.1 * len(self.seen))
 
     @property
     def on_change(self) -> bool:
@@ -116,7 +117,8 @@ class Column:
             return f"is always {low:g}"
         said = "0 and 1 only" if self.binary else f"{round(low, 9) + 0:.5g} to {round(high, 9) + 0:.5g}"
         if self.rises:
-            return f"{said}, and only rises"
+            falls = int((np.diff(self.seen) < 0).sum())
+            return f"{said}, and {f'rises but for {falls} of its steps' if falls else 'only rises'}"
         peak = self.peak
         return f"{said}{f', highest about {peak:.0f} h' if peak is not None else ''}"
 
@@ -350,7 +352,7 @@ def _take(column: Column, target: Target, columns: Sequence[Column], layout: Lay
     if unit == OPEN and ("energy" in _quantities(column) or target.quantities <= {"persons", "presence"}):
         column.open = f"{why}: {column.looks}"
         return False
-    if unit != OPEN:
+    if unit != OPEN and "reading" not in fields:
         odd = _impossible(column, unit, float(str(fields.get("scale", 1.0))), target)
         if odd:
             column.open = f"its name says {target.name}, but {odd}: {column.looks}"
@@ -362,7 +364,11 @@ def _take(column: Column, target: Target, columns: Sequence[Column], layout: Lay
         column.reasons["column"] += f"; {place}"
     column.reasons["unit"] = why
     column.fields = {"column": column.name, "unit": unit, **fields}
-    reading, reason = _reading(column, target)
+    reading, reason = (
+        ("register", "a meter's register: the power between its readings is taken")
+        if "reading" in fields
+        else _reading(column, target)
+    )
     if reading:
         column.fields["reading"] = reading
     column.reasons["reading"] = reason
@@ -470,20 +476,15 @@ def _occupancy(column: Column, target: Target) -> tuple[str, str, dict[str, obje
     return OPEN, "neither whole numbers nor 0 and 1", {}
 
 
-_POWERS = {
-    "kWh": ("kW", 3600.0), "Wh": ("W", 3600.0), "MWh": ("MW", 3600.0),
-    "J": ("W", 1.0), "kJ": ("kW", 1.0), "MJ": ("MW", 1.0), "GJ": ("GW", 1.0),
-}  # fmt: skip
-"""The power that an energy within some seconds is, and the factor that goes with it [s]."""
-
-
 def _energy(column: Column, layout: Layout) -> tuple[str, str, dict[str, object]]:
-    """Energy of each interval as a power; a register is none."""
+    """A register, or the energy of each interval as a power."""
     unit = column.meaning.unit
-    if not unit or column.rises or not layout.interval:
-        what = "a meter's register" if column.rises else "an energy in a unit that its name does not say"
-        return OPEN, f"{what}; a power is wanted: its difference between two rows by the time between them", {}
-    power, factor = _POWERS[unit]
+    if unit and column.rises:
+        return unit, "as the name says", {"reading": "register"}
+    if not unit or not layout.interval or layout.file.names is not None:
+        what = "a meter's register" if column.rises else "an energy"
+        return OPEN, f"{what}, and {'how long it is of' if unit else 'its unit'} is not known", {}
+    power, factor = POWERS[unit]
     scale = factor / layout.interval
     return power, f"{unit} within {layout.interval:g} s each, by the scale", {"scale": scale}
 
@@ -535,6 +536,7 @@ def _choose(several: Sequence[Column], target: Target) -> None:
             best.second is None
             and target.table == "variables"
             and OPEN not in (one.fields["unit"], one.fields.get("persons"))
+            and "register" not in (one.fields.get("reading"), best.fields.get("reading"))
         )
         if compared and target.quantities != {"persons", "presence"}:
             best.second = one

@@ -23,6 +23,7 @@ from diagnosis.measurements.grid import (
 from diagnosis.measurements.mapping import Mapping, Source
 from diagnosis.measurements.output import header
 from diagnosis.measurements.plausible import find_offset
+from diagnosis.measurements.register import POWERS, as_power
 from diagnosis.measurements.signal import (
     Signal,
     check_possible,
@@ -113,12 +114,13 @@ class Judge:
         # a set point stands still, the weather does not
         outdoors = weather is not None and weather != BEAM
         moving = spelled(target.unit) in MOVING and (target.role == "output" or outdoors)
+        origin, source = f"{source.column} [{source.unit}]", as_power(source)
         signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun, signed=target.signed)
         if target.method == "mean" and not self.says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
         if target.role == "output":
             self._as_many(target, signal, f"{where}: column {source.column!r}")
-        made = self.gridded(target, signal, source, f"{source.column} [{source.unit}]", where)
+        made = self.gridded(target, signal, source, origin, where)
         made.key = key
         return self._beside(made, source, where)
 
@@ -129,8 +131,10 @@ class Judge:
             return made
         same = {name: getattr(source, name) for name in ("reading", "stamp", "interval", "max_gap")}
         own = {name: getattr(meter, name) for name in meter.model_fields_set}
+        if source.reading == "register" and meter.unit not in POWERS:
+            same["reading"] = "mean"
         other = self.signal(
-            Source(**own, **same),
+            as_power(Source(**own, **same)),
             made.target.unit,
             f"{where}.compare",
             moving=False,
@@ -210,14 +214,9 @@ class Judge:
         density = self.mapping.air_density
         kind_of_reading = source.reading or self.mapping.defaults.reading
         if kind_of_reading != "mean":
-            for field, value in (("stamp", source.stamp), ("interval", source.interval)):
-                if value is not None:
-                    raise RecordingError(
-                        f"{where}: {field} is {value!r}, which only a mean has; expected reading = 'mean' with it"
-                    )
-        usual = (
-            plausible.sparse(self.data.utc, readings) if kind_of_reading != "hold" and source.max_gap is None else None
-        )
+            _check_no_interval(source, where)
+        counted = kind_of_reading in ("hold", "register")
+        usual = plausible.sparse(self.data.utc, readings) if not counted and source.max_gap is None else None
         if usual is not None and kind_of_reading == "point" and source.reading is None and source.unit in _STATES:
             raise RecordingError(
                 f"{where}: is read every {usual / 3600:.3g} h only, and {source.unit} is not linear in between;"
@@ -257,7 +256,10 @@ class Judge:
         # a fraction is a hundred times as much, and that of CO2 would be impossible
         if 0 < most <= 1.0 and 100.0 * most <= limits[1] * (1 + 1e-9):
             self.notes.append(f"column {column}: declared in percent, but no reading is above 1; is it a fraction?")
-        self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
+        if kind_of_reading == "register":
+            self.tell(plausible.about_coarse(column, signal, self.step))
+        else:
+            self.tell(plausible.about_register(column, signal) if units.is_power(unit) else None)
         # a state is silent while nothing changes
         hours = STUCK_AFTER if moving and kind_of_reading != "hold" else 0.0
         rest: dict[str, Any] = {}
@@ -332,6 +334,15 @@ class Judge:
 
     def _usual_fill(self, source: Source) -> str:
         return "interpolate" if any(one is source for one in self.mapping.weather.values()) else "none"
+
+
+def _check_no_interval(source: Source, where: str) -> None:
+    """Refuse what only a mean has, of readings that are none."""
+    for name, value in (("stamp", source.stamp), ("interval", source.interval)):
+        if value is not None:
+            raise RecordingError(
+                f"{where}: {name} is {value!r}, which only a mean has; expected reading = 'mean' with it"
+            )
 
 
 def _is_calm(signal: Signal) -> bool:

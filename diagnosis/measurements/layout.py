@@ -15,17 +15,19 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.measurements.clock import formats_of, read_naive
-from diagnosis.measurements.formats import Rows, kind_of, sheets_of
+from diagnosis.measurements.formats import Rows, kind_of, sheets_of, spread
 from diagnosis.measurements.mapping import File
-from diagnosis.measurements.table import MARKS, MOST, SEPARATORS, plain_name, read_file
-from diagnosis.measurements.vocabulary import unit_in
+from diagnosis.measurements.table import MARKS, MOST, SEPARATORS, joined, plain_name, read_file
+from diagnosis.measurements.vocabulary import meaning_of, unit_in
 from shared.errors import RecordingError
-from shared.reading import MIB, listed, read_bytes
+from shared.reading import MIB, MOST_COLUMNS, listed, read_bytes
 
 LINES = 500
 """From which encoding aside the layout is read."""
 ROWS = 100_000
 """From which all else is read, so that a year of minutes takes seconds: ten weeks of minutes, eleven years of hours."""
+TWICE = 0.5
+"""Share of the rows of which texts are fewer that say what a row is of."""
 ALIKE = 0.9
 """Share of the lines that have as many fields as most of them, of a table."""
 _TIME_OF_DAY = r"\d{1,2}:\d{2}(:\d{2})?([.,]\d+)?(\s*[AaPp][Mm])?"
@@ -83,12 +85,20 @@ def layout_of(path: Path) -> Layout:
         fields, names_at, below = _of_sheet(path, why)
     file = File(**fields, skip=names_at, below=below)
     rows = read_file(path, file, "")
+    columns, forms = _time_columns(rows.frame.head(ROWS), path)
+    if long := _long(rows.frame, columns):
+        names, values = long
+        file = file.model_copy(update={"names": names, "values": values})
+        why["names"] = "each row holds one reading, and this column says of what"
+        rows = spread(rows, names, values, path)
+        order = np.argsort(read_naive(joined(rows.frame, columns), forms[0]), kind="stable")
+        rows.frame = rows.frame.iloc[order].reset_index(drop=True)
     rows.frame = rows.frame.head(ROWS)
     rows.frame.columns = pd.Index([plain_name(str(one)) for one in rows.frame.columns])
     rows.numeric = frozenset(plain_name(one) for one in rows.numeric)
+    columns = [plain_name(one) for one in columns]
     frame = rows.frame
-    units = _units_below(path, file, rows) if below else {}
-    columns, forms = _time_columns(frame, path)
+    units = _units_below(path, file, rows) if below and not long else {}
     stamps = pd.Series([""] * len(frame), index=frame.index)
     for one in columns:
         stamps = (stamps + " " + frame[one].fillna("")).str.strip()
@@ -262,6 +272,28 @@ def _time_columns(frame: pd.DataFrame, path: Path) -> tuple[list[str], list[str]
         f"{path}: no column holds times that can be read; found {listed(frame.columns)}; expected one as 2022-10-30"
         " 02:15, or in another format that date and time have in every row"
     )
+
+
+def _long(frame: pd.DataFrame, columns: Sequence[str]) -> tuple[str, str] | None:
+    """The column that says what each row's reading is, and that of the readings; None where a row has several.
+
+    Most texts of the first are what people call measurements, and only one other column holds numbers.
+    """
+    others = [one for one in frame.columns if one not in columns and list(frame.columns).count(one) == 1]
+    numbers = {one: float(frame[one].fillna("").str.strip().str.fullmatch(_NUMBER.pattern).mean()) for one in others}
+    values = [one for one in others if numbers[one] > 0.5]
+    if len(values) != 1:
+        return None
+    for one in others:
+        if numbers[one] > 0:
+            continue
+        texts = frame[one].fillna("").str.strip()
+        named = [text for text in texts.unique() if text]
+        if not 2 <= len(named) <= MOST_COLUMNS or len(named) > TWICE * len(frame):
+            continue
+        if sum(bool(meaning_of(text).quantities) for text in named) >= 0.5 * len(named):
+            return str(one), str(values[0])
+    return None
 
 
 def _time_of_day(frame: pd.DataFrame, beside: int) -> str | None:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, Strict, ValidationError, field_validator, model_validator
 
 from datagen.driving.weather import UNITS as WEATHER_UNITS
+from diagnosis.measurements.register import POWERS, as_power
 from diagnosis.measurements.units import convert
 from diagnosis.measurements.zones import find_zone
 from shared.errors import RecordingError
@@ -46,6 +47,18 @@ class File(Table):
     sheet: str | None = Field(None, description="the sheet of an Excel file; needed if several have cells")
     encoding: str = Field("utf-8-sig", description="of the text, as Python calls it")
     missing: list[str] = Field(["", "NA", "NaN", "nan", "null", "NULL", "None", "-"], description="texts for no value")
+    names: str | None = Field(
+        None,
+        description="of a file with a row for each reading, as Home Assistant exports it: the column that says what was"
+        " read; each of its texts is then a column",
+    )
+    values: str | None = Field(None, description="with ``names``: the column that holds the readings")
+
+    @model_validator(mode="after")
+    def _both(self) -> File:
+        if (self.names is None) != (self.values is None):
+            raise ValueError("has one of names and values; expected both, or neither")
+        return self
 
 
 class Time(Table):
@@ -128,10 +141,11 @@ class Source(Table):
     scale: Number = Field(1.0, description="readings are multiplied by it")
     offset: Number = Field(0.0, description="and this is added [unit]")
     persons: Number | None = Field(None, gt=0, description="unit presence: how many persons a presence stands for")
-    reading: Literal["point", "mean", "hold"] | None = Field(
+    reading: Literal["point", "mean", "hold", "register"] | None = Field(
         None,
-        description="an instant, the mean of an interval, or a state that holds until the next reading; here or in"
-        " defaults, needed where means over steps come from readings about a step apart",
+        description="an instant, the mean of an interval, a state that holds until the next reading, or a meter's"
+        " register, which counts energy: its power is wanted; one of the first three, here or in defaults, is needed"
+        " where means over steps come from readings about a step apart",
     )
     stamp: Literal["start", "end"] | None = Field(None, description="which end of its interval a mean is stamped with")
     shift: Number = Field(0.0, description="added to the column's stamps, whose clock is known to be wrong [s]")
@@ -142,7 +156,9 @@ class Source(Table):
         description="readings further apart leave a gap, and a state holds at most so long [h]; between nearer ones an"
         " output is interpolated, and flagged so",
     )
-    valid: tuple[Number, Number] | None = Field(None, description="possible values, in ``unit``")
+    valid: tuple[Number, Number] | None = Field(
+        None, description="possible values, in ``unit``; of a register in its power, as kW for kWh"
+    )
     stuck_after: Number | None = Field(
         None,
         ge=0,
@@ -168,6 +184,8 @@ class Source(Table):
             wrong.append(f"persons is given with unit {self.unit!r}; expected it with unit 'presence' only")
         if self.scale == 0:
             wrong.append("scale is 0; expected another number")
+        if self.reading == "register" and self.unit not in POWERS:
+            wrong.append(f"reading is register with unit {self.unit!r}; expected an energy: {', '.join(POWERS)}")
         if self.fill not in (None, "interpolate") and "fill_up_to" in self.model_fields_set:
             wrong.append(f"fill_up_to is given with fill = {self.fill!r}; expected fill = 'interpolate' with it")
         if wrong:
@@ -292,7 +310,9 @@ def check_against(mappings: Sequence[Mapping], system: System) -> None:
             elif (before := brought.setdefault(f"given.{name}", mapping.path)) != mapping.path:
                 wrong.append(f"given.{name}: is in {before}, too; expected it in one of them")
         wrong += _shared_columns(mapping, system)
-        sources = [("variables", name, source, wanted.get(name)) for name, source in mapping.variables.items()]
+        sources = [
+            ("variables", name, as_power(source), wanted.get(name)) for name, source in mapping.variables.items()
+        ]
         sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
         for table, name, source, unit in sources:
             if unit is None:

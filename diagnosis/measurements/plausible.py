@@ -11,6 +11,7 @@ from diagnosis.measurements import units
 from diagnosis.measurements.clock import Clock
 from diagnosis.measurements.grid import instants_of
 from diagnosis.measurements.mapping import Place, Source
+from diagnosis.measurements.register import is_register
 from diagnosis.measurements.signal import DAY, Signal, usual_interval
 from diagnosis.measurements.weather import Daylight, sun_position
 from diagnosis.measurements.zones import latitude_of
@@ -103,12 +104,12 @@ FAR = 30.0
 zones reach over twenty."""
 OFF = 1.75
 """Hours that a zone's standard time may differ from that of the sun: Iceland's do by one and a half."""
-REGISTER = 24
-"""Different readings of a day at least that never fall: no power does that."""
+MANY = 24
+"""Readings by day at least of which the highest tell."""
 BRIDGED = 6 * 3600.0
 """A dew point or a cloud cover says little of a time so far from its readings [s]."""
-RESETS = 0.01
-"""Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
+COARSE_COUNT = 0.25
+"""Share of the mean power from which on it matters what one count is over a step."""
 FAINT = 10.0
 """Irradiance that never passes this [W/m2] is of the months without a sun."""
 UNLIT, SELDOM_UNLIT = 0.03, 0.02
@@ -234,13 +235,24 @@ def about_register(column: str, signal: Signal) -> str | None:
     """A sentence if a power never falls: it may be a meter's register."""
     clean = signal.clean()
     values = clean.values
-    if len(np.unique(values)) < REGISTER or clean.end[-1] - clean.begin[0] < 86400.0:
-        return None
-    if (np.diff(values) < 0).sum() > max(RESETS * len(values), 1):
+    if not is_register(values) or clean.end[-1] - clean.begin[0] < 86400.0:
         return None
     return (
-        f"column {column}: hardly ever falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; of a meter's"
-        " register take differences, as a power, before"
+        f"column {column}: hardly ever falls, from {values[0]:.6g} to {values[-1]:.6g} {signal.unit}; if it is a"
+        " meter's register, write reading = 'register' and the unit of what it counts, as 'kWh'"
+    )
+
+
+def about_coarse(column: str, signal: Signal, step: float) -> str | None:
+    """A sentence if one count of a register is much beside what it counts in a step [s]."""
+    clean = signal.clean()
+    energy = clean.values * (clean.end - clean.begin)
+    least, mean = float(energy[energy > 0].min(initial=np.inf)), float(energy.sum() / (clean.end - clean.begin).sum())
+    if not COARSE_COUNT * mean < least / step < np.inf:
+        return None
+    return (
+        f"column {column}: one count of the register is {least / step:.3g} {signal.unit} over a step of {step:g} s, and"
+        f" its mean is {mean:.3g} {signal.unit}: steps are coarse; longer ones (grid.step) are less so"
     )
 
 
@@ -346,7 +358,7 @@ def about_dark(ghi: Signal, clock: Clock, place: Place) -> str | None:
 def about_level(ghi: Signal, clock: Clock, place: Place) -> str | None:
     """A sentence if global horizontal irradiance is far from what any sky lets through."""
     _, values, clear = _by_day(ghi, clock, place)
-    if len(values) < REGISTER:
+    if len(values) < MANY:
         return None
     # of the highest each: at a low sun, a hill or a late clock makes any ratio
     share = float(np.quantile(values, 0.98) / np.quantile(clear, 0.98))

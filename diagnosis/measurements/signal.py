@@ -10,6 +10,7 @@ import numpy as np
 
 from diagnosis.measurements import units
 from diagnosis.measurements.mapping import Source
+from diagnosis.measurements.register import between
 from shared.codes import coded
 from shared.errors import RecordingError
 from shared.schema import IMPOSSIBLE, STUCK
@@ -190,13 +191,14 @@ def make_signal(
     source: Source,
     target: str,
     *,
-    kind: Literal["point", "mean", "hold"],
+    kind: Literal["point", "mean", "hold", "register"],
     stamp: Literal["start", "end"],
     density: float,
     where: str,
 ) -> Signal:
     """Readings of a column as a signal in the target's unit; codes for missing ones are marked impossible.
 
+    Of a register it is the power between readings, whose ``source`` is that of :func:`.register.as_power`.
     ``time`` [s] are stamps, ``readings`` numbers as read, NaN where there is none, both (rows,). Raises RecordingError
     if the units do not fit.
     """
@@ -209,6 +211,11 @@ def make_signal(
     nines = coded(readings[there]) if source.valid is None else np.zeros(len(t), dtype=bool)
     begin = end = t
     holds = np.inf
+    if kind == "register":
+        longest = max_gap if source.max_gap is not None else usual_hold(time, readings)
+        begin, end, rates = between(t[~nines], readings[there][~nines], longest)
+        values = to_target(rates, source, target, density=density, where=where)
+        return Signal(begin, end, values, np.where(rates < 0, IMPOSSIBLE, 0).astype(np.int8), "mean", longest, target)
     if kind == "mean":
         length = source.interval if source.interval is not None else usual
         if stamp == "end":

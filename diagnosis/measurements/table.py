@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from diagnosis.measurements.clock import read_stamps, runs_backwards
-from diagnosis.measurements.formats import Rows, kind_of, read_rows
+from diagnosis.measurements.clock import read_naive, read_stamps, runs_backwards
+from diagnosis.measurements.formats import Rows, kind_of, read_rows, spread
 from diagnosis.measurements.mapping import File, Mapping, missing_columns
 from diagnosis.measurements.units import LARGEST
 from shared.errors import RecordingError
@@ -212,6 +212,11 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
     frame, dropped = _without_empty(frame, mapping)
     notes += dropped
     stamps = joined(frame, mapping.time.columns)
+    if settings.names is not None:  # each sensor's rows may stand in a block
+        times = read_naive(stamps, mapping.time.format)
+        if (np.diff(times) < -3600.0).any():  # less may be the hour that the end of daylight saving repeats
+            order = np.argsort(times, kind="stable")
+            frame, stamps = frame.iloc[order].reset_index(drop=True), stamps.iloc[order].reset_index(drop=True)
     if runs_backwards(stamps, mapping.time.format):
         notes.append("rows are newest first, and are read from the last one on")
         frame, stamps = frame[::-1].reset_index(drop=True), stamps[::-1].reset_index(drop=True)
@@ -334,6 +339,8 @@ def read_file(path: Path, settings: File, name: str) -> Rows:
         rows = Rows(frame, _names(text, settings, path), notes=notes, hint=hint)
     if settings.below and kind in ("text", "excel"):
         rows.frame = rows.frame.iloc[settings.below :].reset_index(drop=True)
+    if settings.names is not None and settings.values is not None:
+        rows = spread(rows, settings.names, settings.values, path)
     return rows
 
 

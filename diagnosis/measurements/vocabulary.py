@@ -103,6 +103,8 @@ def meaning_of(name: str, unit: str = "") -> Meaning:
     quantities = _narrowed(tags["quantities"], tags["roles"])
     if {"outdoor", "ventilation"} <= tags["places"]:  # outdoor air is a place, and what a fan brings
         tags["places"].discard("outdoor" if "flow" in {*quantities, *measured_in(found)} else "ventilation")
+    if alone and not tags["quantities"] and re.search(r"[a-z]_[cf]$", name) and tags["places"] & {"room", "outdoor"}:
+        quantities = {"temperature"}  # as in outdoor_c; "Room C" is a room
     if alone and not quantities & set(measured_in(alone)):
         alone = ""
     return Meaning(
