@@ -23,7 +23,7 @@ from diagnosis.measurements.grid import (
 from diagnosis.measurements.mapping import Mapping, Source
 from diagnosis.measurements.output import header
 from diagnosis.measurements.plausible import find_offset
-from diagnosis.measurements.register import POWERS, as_power
+from diagnosis.measurements.register import POWERS
 from diagnosis.measurements.signal import (
     Signal,
     check_possible,
@@ -114,7 +114,7 @@ class Judge:
         # a set point stands still, the weather does not
         outdoors = weather is not None and weather != BEAM
         moving = spelled(target.unit) in MOVING and (target.role == "output" or outdoors)
-        origin, source = f"{source.column} [{source.unit}]", as_power(source)
+        origin, source = f"{source.column} [{source.unit}]", source.as_power()
         signal = self.signal(source, target.unit, where, moving=moving, sun=target.sun, signed=target.signed)
         if target.method == "mean" and not self.says_how(source):
             self._instants(target, signal, f"{where}: column {source.column!r}")
@@ -134,7 +134,7 @@ class Judge:
         if source.reading == "register" and meter.unit not in POWERS:
             same["reading"] = "mean"
         other = self.signal(
-            as_power(Source(**own, **same)),
+            Source(**own, **same).as_power(),
             made.target.unit,
             f"{where}.compare",
             moving=False,

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, Strict, ValidationError, field_validator, model_validator
 
 from datagen.driving.weather import UNITS as WEATHER_UNITS
-from diagnosis.measurements.register import POWERS, as_power
+from diagnosis.measurements.register import POWERS
 from diagnosis.measurements.units import convert
 from diagnosis.measurements.zones import find_zone
 from shared.errors import RecordingError
@@ -192,6 +192,13 @@ class Source(Table):
             raise ValueError("; ".join(wrong))
         return self
 
+    def as_power(self) -> Source:
+        """What a register counts in a second, in the unit of its power; any other source as it is."""
+        if self.reading != "register":
+            return self
+        power, factor = POWERS[self.unit]
+        return self.model_copy(update={"unit": power, "scale": self.scale * factor, "offset": 0.0})
+
 
 class Defaults(Table):
     """What holds for every column that does not say otherwise."""
@@ -311,7 +318,7 @@ def check_against(mappings: Sequence[Mapping], system: System) -> None:
                 wrong.append(f"given.{name}: is in {before}, too; expected it in one of them")
         wrong += _shared_columns(mapping, system)
         sources = [
-            ("variables", name, as_power(source), wanted.get(name)) for name, source in mapping.variables.items()
+            ("variables", name, source.as_power(), wanted.get(name)) for name, source in mapping.variables.items()
         ]
         sources += [("weather", name, source, MEASURABLE[name]) for name, source in mapping.weather.items()]
         for table, name, source, unit in sources:

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-
-if TYPE_CHECKING:
-    from diagnosis.measurements.mapping import Source
 
 POWERS = {
     "kWh": ("kW", 3600.0), "Wh": ("W", 3600.0), "MWh": ("MW", 3600.0),
@@ -19,14 +14,6 @@ FALLS = 0.01
 """Share of a register's steps that may fall: it is reset, or a reading is lost as zero."""
 DIFFERENT = 24
 """Different readings at least of what is taken for a register: no power rises so often without a fall."""
-
-
-def as_power(source: Source) -> Source:
-    """The source of what a register counts in a second, in the unit of its power; any other source as it is."""
-    if source.reading != "register":
-        return source
-    power, factor = POWERS[source.unit]
-    return source.model_copy(update={"unit": power, "scale": source.scale * factor, "offset": 0.0})
 
 
 def is_register(counts: np.ndarray) -> bool:

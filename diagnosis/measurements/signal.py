@@ -198,7 +198,7 @@ def make_signal(
 ) -> Signal:
     """Readings of a column as a signal in the target's unit; codes for missing ones are marked impossible.
 
-    Of a register it is the power between readings, whose ``source`` is that of :func:`.register.as_power`.
+    Of a register it is the power between readings, whose ``source`` is that of :meth:`.mapping.Source.as_power`.
     ``time`` [s] are stamps, ``readings`` numbers as read, NaN where there is none, both (rows,). Raises RecordingError
     if the units do not fit.
     """
