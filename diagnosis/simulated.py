@@ -159,11 +159,7 @@ def _with_values(
         known=("constants", "history"),
         runner=_Given(simulator, values),
     )
-    z = problem.unknowns(values)
-    # a level is log-normal: at zero it is the median, which is less than the mean
-    for k, level in enumerate(problem.nuisance.levels, problem.size - len(problem.nuisance.levels)):
-        z[k] = -level.mean / level.sd if level.sd > 0 else 0.0
-    return problem, problem.simulate(z)
+    return problem, problem.simulate(problem.unknowns(values))
 
 
 def _calibrated(

@@ -24,7 +24,7 @@ SCHEMA_VERSION = 1
 FILE_NAME = "verdict.json"
 NOTHING = ("one", "best", "gap", "p", "before", "uncounted", "replay")
 """What the odds of no gap depend on, by the names of :func:`diagnosis.gap.verdict.features`."""
-NONE = ("one", "best", "left", "rejected", "unexplained", "replay")
+NONE = ("one", "best", "left", "rejected", "unexplained", "excess", "replay")
 """What those of a cause that is no candidate depend on."""
 POOLED = "all"
 """The condition that stands for all, where one has too few recordings for limits of its own."""

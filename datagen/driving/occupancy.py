@@ -95,13 +95,29 @@ def occupancy_prior(spec: Occupancy, edges: ArrayLike, draws: int, seed: int) ->
     (n + 1,) [s since time zero]; a draw is an independent system. Raises ValueError if the edges do not increase.
     """
     edges = np.asarray(edges, dtype=np.float64)
+    return occupancy_means(spec, prior_draw(spec, edges, draws, seed), edges)
+
+
+def prior_draw(spec: Occupancy, edges: np.ndarray, draws: int, seed: int) -> Draw:
+    """What makes the occupancy of so many independent systems between the first and the last of ``edges`` (n + 1,) [s].
+
+    Raises
+    ------
+    ValueError
+        If the edges do not increase.
+    """
     if edges.ndim != 1 or edges.size < 2 or (np.diff(edges) <= 0).any():
         raise ValueError("edges of intervals must be at least two and strictly increase")
     rng = np.random.default_rng(seed)
     first, last = edges[0] / _HOUR / _DAY, edges[-1] / _HOUR / _DAY
     days = np.arange(int(np.floor(first)) - lead_days(spec), int(np.ceil(last)))
     usual = rng.random((3, draws)).T
-    return occupancy_means(spec, Draw(usual, rng.random((draws, len(days), _slots(spec))), days), edges)
+    return Draw(usual, rng.random((draws, len(days), _slots(spec))), days)
+
+
+def headcounts(spec: Occupancy, draw: Draw) -> np.ndarray:
+    """How many persons belong to each of the systems of a draw, shape (...,)."""
+    return _draw_usual(spec, np.moveaxis(draw.usual, -1, 0))[0]
 
 
 def occupancy_means(spec: Occupancy, draw: Draw, edges: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ from scipy.linalg import block_diag, cho_solve_banded, cholesky_banded, eigh
 from scipy.spatial import cKDTree
 
 from datagen.driving.inputs import schedule_signal
-from datagen.driving.occupancy import occupancy_prior
+from datagen.driving.occupancy import headcounts, occupancy_means, occupancy_prior, prior_draw
 from datagen.driving.tables import SNAP, Piecewise
 from diagnosis.fitting.nuisance import Level, Nuisance, joined, no_nuisance, pulses_on
 from diagnosis.recording import DAY, HOUR, Recording, extended, sentence_on_missing, whole_days
@@ -566,19 +566,17 @@ def _spans(driven: Drive) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Courses:
-    """Courses of persons in a room of the average level, as the description draws them, by pulses.
+    """Courses of the share of a room's persons that is there, as the description draws them, by pulses.
 
     ``begin``, ``end`` (pulses,) [s]: half hours of the recording at which somebody may come, then spans before it;
-    ``recorded`` is how many are of the former; ``heights`` (courses, pulses) [persons], of spans before the recording
-    against the usual; ``level`` (courses,) by which each was divided, 1 on average; ``known`` what the rest of the
-    signal is.
+    ``recorded`` is how many are of the former; ``heights`` (courses, pulses), of spans before the recording against the
+    usual; ``known`` what the rest of the signal is.
     """
 
     begin: np.ndarray
     end: np.ndarray
     recorded: int
     heights: np.ndarray
-    level: np.ndarray
     known: Piecewise
 
 
@@ -588,11 +586,9 @@ def courses(system: System, driven: Drive) -> Courses:
     back = round((driven.start - driven.begin) / PULSE)
     count = int(np.ceil((driven.stop - driven.start) / PULSE - 1e-9))
     edges = driven.start + PULSE * np.arange(-back, count + 1)
-    draws = occupancy_prior(system.occupancy, edges, DRAWS, seed=0)
-    level = draws.mean(axis=1)
-    draws, level = draws[level > 0], level[level > 0]  # rooms that nobody uses have no level
-    level = level / level.mean()
-    draws = draws / level[:, None]
+    drawn = prior_draw(system.occupancy, edges, DRAWS, seed=0)
+    persons = np.maximum(headcounts(system.occupancy, drawn), 1.0)
+    draws = occupancy_means(system.occupancy, drawn, edges) / persons[:, None]
     usual = draws.mean(axis=0)
     edges[-1] = driven.stop
     comes = draws[:, back:].std(axis=0) > TINY * max(draws.std(), 1e-12)
@@ -605,28 +601,25 @@ def courses(system: System, driven: Drive) -> Courses:
             begins.append(np.array([a]))
             ends.append(np.array([b]))
             heights.append((draws[:, rows] - usual[rows]).mean(axis=1, keepdims=True))
-    known = np.concatenate([usual[:back], np.zeros(count)])
-    known[np.setdiff1d(np.arange(back, back + count), inside)] = usual[
-        np.setdiff1d(np.arange(back, back + count), inside)
-    ]
+    known = np.where(np.isin(np.arange(back + count), inside), 0.0, usual)
     return Courses(
         begin=np.concatenate(begins),
         end=np.concatenate(ends),
         recorded=len(inside),
         heights=np.concatenate(heights, axis=1),
-        level=level,
         known=Piecewise(edges[:-1], known, "previous"),
     )
 
 
 def _unknown_occupancy(system: System, place: int, driven: Drive) -> tuple[Nuisance, Piecewise]:
     """Half-hourly persons in the recording and their means before it; the signal holds the usual day before it."""
+    assert system.occupancy is not None
+    fewest, most = system.occupancy.headcount
     found = courses(system, driven)
     covariance = np.atleast_2d(np.cov(found.heights, rowvar=False))
     variance = np.diag(covariance)[: found.recorded]
     rare = np.maximum(LEAST_PERSONS**2 * variance.max(initial=0.0) - variance, 0.0)
     covariance = covariance + np.diag(np.append(rare, np.zeros(len(covariance) - found.recorded)))
-    level = np.log(found.level)
     return (
         Nuisance(
             column=np.full(len(found.begin), place),
@@ -636,7 +629,7 @@ def _unknown_occupancy(system: System, place: int, driven: Drive) -> tuple[Nuisa
             recorded=found.begin > driven.start - SNAP,
             mean=found.heights.mean(axis=0),
             factor=_factor(covariance),
-            levels=(Level(place, float(level.mean()), float(level.std())),),
+            levels=(Level(place, max(fewest - 0.5, 0.0), most + 0.5),),
         ),
         found.known,
     )

@@ -7,9 +7,9 @@ Both enter as pulses on inputs with a Gaussian prior, around which the simulatio
 so that they can be integrated out of a likelihood (:class:`.linear.Marginal`), and estimated where they are wanted.
 
 - **Unknown occupancy** is the mean number of persons in each half hour, with mean and covariance of the description's
-  random occupancy: only hours at which somebody may come carry unknowns. How many persons belong to the room at all
-  scales everything, and so much that a Gaussian would not do: that level is an unknown of its own (:class:`Level`),
-  and the pulses say how a room of the average level is used.
+  random occupancy: only hours at which somebody may come carry unknowns. How many persons belong to the room scales
+  everything, and so much that a Gaussian would not do: that headcount is an unknown of its own (:class:`Level`), and
+  the pulses say which share of these persons is there.
 - **Measured occupancy and replayed actuators** are known as means over the recording's steps; when within a step people
   came, or the heater was on, is not known.
 - **History**: what an input was before the recording, against the first day that stands in for it, in a few spans
@@ -41,11 +41,11 @@ FIELDS = ("column", "begin", "end", "turns", "recorded", "mean", "followed")
 
 @dataclass(frozen=True)
 class Level:
-    """What all pulses on one input, and its signal, are multiplied by: ``exp(mean + sd * N(0, 1))``."""
+    """What all pulses on one input, and its signal, are multiplied by: anything from ``low`` to ``high`` alike."""
 
     column: int
-    mean: float
-    sd: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ class Unknowns:
         for k, constant in enumerate(self.constants, len(self.system.parameters) + len(self.effects)):
             made[..., k] = np.exp(constant.relative * z[..., k])
         for k, level in enumerate(self.levels, self.size - len(self.levels)):
-            made[..., k] = np.exp(level.mean + level.sd * z[..., k])
+            made[..., k] = level.low + (level.high - level.low) * ndtr(z[..., k])
         return made
 
     def of(self, values: Mapping[str, float]) -> np.ndarray:

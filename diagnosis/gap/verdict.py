@@ -84,6 +84,7 @@ def features(evidence: Evidence) -> dict[str, float]:
         "left": float(np.log1p(max(evidence.left, 0.0))),
         "rejected": float(evidence.rejected),
         "unexplained": float(evidence.gap and evidence.searched and not evidence.chosen),
+        "excess": float(np.log1p(evidence.excess)),
         "replay": float(evidence.replay),
         "uncounted": float(not evidence.counted),
     }
@@ -102,8 +103,6 @@ def probabilities(
     odds += [sum(weight * known[name] for name, weight in none.items())]
     odds += (power * (values - values.max())).tolist() if len(values) else []
     no_gap = float(np.exp(odds[0] - logsumexp(odds)))
-    if evidence.excess:  # recordings with a known cause hardly look like this, so weights do not say what it means
-        odds[1] = max(odds[1], power * evidence.excess)
     chance = ((1 - no_gap) * np.exp(np.array(odds[1:]) - logsumexp(odds[1:]))).tolist()
     # what is no better than the first effect alone is no second one
     others = {name: value for name, value in evidence.beside.items() if value > 0 or name in evidence.chosen[1:]}

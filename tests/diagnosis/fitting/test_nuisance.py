@@ -54,31 +54,29 @@ def test_nobody_is_fewer_than_none_but_a_meter_errs_either_way():
         recorded=np.array([True, True, True, False]),
         mean=np.array([1.0, 0.0, 0.0, 0.0]),
         factor=np.eye(4),
-        levels=(Level(0, 0.0, 1.0),),
+        levels=(Level(0, 5.0, 25.0),),
     )
     np.testing.assert_array_equal(pulses.guessed, [True, False, False, False])
     np.testing.assert_array_equal(pulses.heights(np.full(4, -3.0)), [0.0, -3.0, -3.0, -3.0])
 
 
-def test_the_usual_day_and_its_level_are_those_of_the_sampler(house, house_recording):
-    """Pulses drawn from the prior, times levels drawn from theirs, have the mean and spread of the sampler."""
+@pytest.mark.parametrize("hours", [48, 168])
+def test_shares_times_headcounts_are_the_persons_of_the_sampler(house, house_recording, hours):
+    """Mean and spread of each half hour, and spread of the recording's mean, whatever the recording's length."""
     from datagen.driving.occupancy import occupancy_prior
 
     system = house("me")
-    record = read_recording(house_recording(hours=72, count=False), system)
-    problem = Problem(Simulator(system), record, occupancy="unknown", known=["history"])
-    nuisance = problem.nuisance
+    record = read_recording(house_recording(hours=hours, count=False), system)
+    nuisance = Problem(Simulator(system), record, occupancy="unknown", known=["history"]).nuisance
     nuisance = nuisance.only(~nuisance.turns)  # persons, not when the heater was on within its hours
-    rng = np.random.default_rng(0)
+    rng, level = np.random.default_rng(0), nuisance.levels[0]
     heights = nuisance.mean + rng.standard_normal((4000, nuisance.factor.shape[1])) @ nuisance.factor.T
-    level = nuisance.levels[0]
-    persons = heights * np.exp(level.mean + level.sd * rng.standard_normal(4000))[:, None]
-    draws = occupancy_prior(system.occupancy, np.arange(0, 72 * HOUR + 1, 1800), 4000, 5)
+    persons = heights * rng.uniform(level.low, level.high, 4000)[:, None]
+    draws = occupancy_prior(system.occupancy, np.arange(0, hours * HOUR + 1, 1800), 4000, 5)
     wanted = draws[:, np.round(nuisance.begin / 1800).astype(int)]
-    assert nuisance.size > 40
     np.testing.assert_allclose(persons.mean(axis=0), wanted.mean(axis=0), atol=0.3)
-    # the level is taken as lognormal, whose upper tail is longer than the sampler's: a wider prior, by a third at most
     busy = wanted.std(axis=0) > 1.0
     ratio = persons.std(axis=0)[busy] / wanted.std(axis=0)[busy]
-    assert busy.sum() > 30
-    assert 0.9 < ratio.min() <= ratio.max() < 1.4
+    assert busy.sum() > 20
+    assert 0.88 < ratio.min() <= ratio.max() < 1.12
+    assert persons.mean(axis=1).std() == pytest.approx(wanted.mean(axis=1).std(), rel=0.06)

@@ -38,14 +38,15 @@ def test_what_leaves_more_than_it_explains_is_no_cause():
     assert decide(replace(explains, left=58.0, strained=False), by).verdict == "ambiguous"
     done = decide(replace(explains, left=58.0), by)
     assert (done.verdict, done.named, done.unlike) == ("none_of_these", (), True)
-    assert done.none / done.probabilities["one"] == pytest.approx(np.exp(0.5 * (58.0 - 42.0)))
+    weighed = decide(replace(explains, left=58.0), BY.model_copy(update={"none": {"one": -1.0, "excess": 2.0}}))
+    assert weighed.none / weighed.probabilities["one"] == pytest.approx(np.exp(-1.0) * 17.0**2)
     whole(done)
     assert decide(replace(explains, left=58.0, rejected=False), by).verdict == "ambiguous"
     assert done.nothing == decide(explains, by).nothing  # whether there is a gap is not asked again
 
 
 def test_where_nothing_was_chosen_no_candidate_is_more_probable_than_none_of_them():
-    by = BY.model_copy(update={"none": {"one": -1.0}})
+    by = BY.model_copy(update={"none": {"one": -1.0, "unexplained": 3.0}})
     done = decide(replace(LOUD, strained=True, rejected=True, chosen=(), before=60.0, left=60.0), by)
     assert (done.verdict, done.unlike) == ("none_of_these", True)
     assert done.none > 0.5 > max(done.probabilities.values())
