@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from diagnosis.measurements.cells import bare
 from diagnosis.measurements.mapping import File
 from shared.errors import RecordingError
 from shared.reading import MIB, MOST_COLUMNS, listed, shown, why
@@ -61,6 +62,8 @@ class Rows:
         The column names as in the file, which may occur twice.
     numeric
         Columns of the frame whose cells are numbers, written with a dot.
+    units
+        In which unit the cells of a column ended, which is gone from them.
     notes, hint
         Sentences on what was understood, and the end of one on what may be wrong if a column is missing.
     """
@@ -70,6 +73,16 @@ class Rows:
     numeric: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
     hint: str = ""
+    units: dict[str, str] = field(default_factory=dict)
+
+    def without_units(self, settings: File) -> None:
+        """Take the units off that cells end in."""
+        for k, name in enumerate(self.frame.columns):
+            if name not in self.numeric:
+                column, unit = bare(self.frame.iloc[:, k], settings.decimal, settings.missing)
+                if unit:
+                    self.frame.isetitem(k, column.to_numpy())
+                    self.units[str(name)] = unit
 
 
 def spread(rows: Rows, names: str, values: str, path: Path) -> Rows:

@@ -425,7 +425,8 @@ def _unit(
     if "energy" in _quantities(column):
         return _energy(column, layout)
     if unit:
-        return unit, "as the name says" if not layout.units.get(column.name) else "as the row below the names says", {}
+        told = "the row below the names says" if layout.units.get(column.name) else "the name says"
+        return unit, f"as {'its cells say' if column.name in layout.rows.units else told}", {}
     middle, high = float(np.median(seen)), float(seen.max())
     if target.quantities == {"temperature"}:
         return (*_degrees(column, target, columns), {})

@@ -211,6 +211,11 @@ class Judge:
         words = STATES if states else {} if spelled(unit) in MOVING else OFF
         readings = self.data.numbers(column, where, words)
         where = f"{where}: column {column!r}"
+        written = self.data.units.get(column, source.unit)
+        if not ({"scale", "persons"} & source.model_fields_set or units.same(written, source.unit)):
+            raise RecordingError(
+                f"{where}: unit is {source.unit!r}, and its cells end in {written!r}; expected unit = {written!r}"
+            )
         density = self.mapping.air_density
         kind_of_reading = source.reading or self.mapping.defaults.reading
         if kind_of_reading != "mean":

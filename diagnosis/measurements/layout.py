@@ -49,7 +49,7 @@ class Layout:
     offset
         Whether the stamps carry their own offset from UTC that is not UTC's.
     units
-        What a row below the names says of columns' units.
+        What a row below the names, or the cells, say of columns' units.
     why
         Reasons, by the field.
     """
@@ -93,12 +93,14 @@ def layout_of(path: Path) -> Layout:
         rows = spread(rows, names, values, path)
         order = np.argsort(read_naive(joined(rows.frame, columns), forms[0]), kind="stable")
         rows.frame = rows.frame.iloc[order].reset_index(drop=True)
+        rows.without_units(file)
     rows.frame = rows.frame.head(ROWS)
     rows.frame.columns = pd.Index([plain_name(str(one)) for one in rows.frame.columns])
     rows.numeric = frozenset(plain_name(one) for one in rows.numeric)
     columns = [plain_name(one) for one in columns]
     frame = rows.frame
     units = _units_below(path, file, rows) if below and not long else {}
+    units |= {plain_name(name): unit for name, unit in rows.units.items()}
     stamps = pd.Series([""] * len(frame), index=frame.index)
     for one in columns:
         stamps = (stamps + " " + frame[one].fillna("")).str.strip()

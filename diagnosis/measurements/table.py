@@ -141,6 +141,8 @@ class Measurements:
         The file's columns as text, without those of the time stamps.
     numeric
         Columns whose cells are numbers, with a dot as decimal sign, and not text.
+    units
+        In which unit the cells of a column ended, which is gone from them.
     repeated
         Rows whose time stamp another row had before: they only fill what that row has not.
     notes
@@ -154,6 +156,7 @@ class Measurements:
     decimal: str
     missing: set[str]
     numeric: frozenset[str] = frozenset()
+    units: dict[str, str] = field(default_factory=dict)
     repeated: int = 0
     twice: frozenset[str] = frozenset()
     notes: list[str] = field(default_factory=list)
@@ -239,6 +242,7 @@ def read_measurements(path: Path, mapping: Mapping) -> Measurements:
         decimal=settings.decimal,
         missing=set(settings.missing),
         numeric=rows.numeric,
+        units=rows.units,
         repeated=int((~keep).sum()),
         twice=frozenset(one for one, count in names.items() if count > 1),
         notes=notes,
@@ -317,6 +321,7 @@ def find_names(rows: Rows, wanted: Sequence[str]) -> Counter[str]:
     renamed = dict(zip(map(str, rows.frame.columns), columns, strict=True))
     rows.frame.columns = pd.Index(columns)
     rows.numeric = frozenset(renamed[one] for one in rows.numeric)
+    rows.units = {renamed[one]: unit for one, unit in rows.units.items()}
     return Counter(names)
 
 
@@ -341,6 +346,7 @@ def read_file(path: Path, settings: File, name: str) -> Rows:
         rows.frame = rows.frame.iloc[settings.below :].reset_index(drop=True)
     if settings.names is not None and settings.values is not None:
         rows = spread(rows, settings.names, settings.values, path)
+    rows.without_units(settings)
     return rows
 
 

@@ -81,6 +81,18 @@ def convert(values: np.ndarray | float, unit: str, target: str, *, density: floa
     return np.asarray(pint.convert(values, source, goal), dtype=np.float64)
 
 
+def same(one: str, other: str) -> bool:
+    """Whether two units are one, whichever way they are written.
+
+    >>> same("%", "percent"), same("kW", "W")
+    (True, False)
+    """
+    try:
+        return bool(_parsed(one) == _parsed(other))
+    except ValueError:  # whoever converts it says that it is not known
+        return True
+
+
 def _like(unit: str) -> str:
     """Which known unit an unknown one may be, whichever its capitals; empty if none is like it."""
     known = {one.lower(): one for one in (*_CANDIDATES, *(word for word in _WORDS if word), *_MORE)}
