@@ -177,7 +177,12 @@ class Measurements:
         if name not in self.numeric:
             text, notes = with_dots(text, self.decimal, f"{where}: column {name!r} of {self.path}")
         self.notes += [f"column {name}: {one}" for one in notes]
-        text = text.str.lower().replace(words)
+        text = text.str.lower()
+        said = Counter(text[text.isin([*words])])
+        if 0 < said.total() < text.notna().sum():
+            taken = listed(f"{one!r} ({count} times) as {words[one]}" for one, count in said.items())
+            self.notes.append(f"column {name}: {taken} among its numbers")
+        text = text.replace(words)
         values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
         values = np.where(np.abs(values) <= LARGEST, values, np.nan)
         odd = text.notna().to_numpy() & np.isnan(values)

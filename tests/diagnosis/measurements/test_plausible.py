@@ -143,6 +143,8 @@ def test_a_heater_that_is_off_takes_no_power(house):
     words = house(frame.assign(kilowatts=np.where(hours % 24 < 6, "OFF", on.astype(str))), out="words.nc")
     found = [xr.load_dataset(one.recording)["gas"].values for one in (numbers, words)]
     np.testing.assert_allclose(*found)
+    assert told(words, f"column kilowatts: 'off' ({int((hours % 24 < 6).sum())} times) as 0 among its numbers")
+    assert not told(numbers, "among its numbers")
 
 
 def test_a_dark_noon_is_a_lost_reading(house):
