@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from datagen import simulate
 from datagen.simulating.simulator import Simulator
@@ -34,7 +35,7 @@ def as_counted(problem, recording, level):
     """
     z = np.zeros(problem.size)
     one = problem.nuisance.levels[0]
-    z[-1] = (np.log(level) - one.mean) / one.sd
+    z[-1] = ndtri((level - one.low) / (one.high - one.low))
     place = problem.system.input_names[one.column]
     middle = 0.5 * (problem.nuisance.begin + problem.nuisance.end)
     persons = recording.inputs[place][np.searchsorted(recording.time, middle)]

@@ -79,9 +79,9 @@ def test_pulses_that_share_a_simulation_answer_as_alone(house, house_recording):
     def simulate(runs):
         return problem.simulate_all([(z, problem.nuisance.mean + one) for one in runs])
 
-    together = responses(problem.nuisance, simulate, base, problem.time)
+    together = responses(problem.nuisance, simulate, base, problem.time) * problem.nuisance.sd
     ever = replace(problem.nuisance, followed=np.full(problem.nuisance.size, 1e9))
-    alone = responses(ever, simulate, base, problem.time)
+    alone = responses(ever, simulate, base, problem.time) * problem.nuisance.sd
     np.testing.assert_allclose(together, alone, atol=1e-2 * np.abs(alone).max())
     assert np.sum((together - alone) ** 2) < 1e-4 * np.sum(alone**2)
     assert np.abs(alone).max() > 0
