@@ -13,6 +13,7 @@ from diagnosis.gap.page import LINES, render
 from diagnosis.gap.schema import Report
 from diagnosis.measurements.importer import import_recording
 from diagnosis.recording import read_recording
+from shared.stretches import Stretch
 from tests.diagnosis.conftest import WARM_UP
 from tests.diagnosis.gap.gap_cases import candidates, changed, drifting
 
@@ -129,7 +130,7 @@ def test_weather_that_the_import_computed_is_no_gap(tmp_path):
     """The README's own room, which has none: its log has the sun on the horizontal, and neither facade nor sky."""
     example = ROOT / "docs" / "example"
     import_recording(example / "mapping.toml", example / "measurements.csv", out=tmp_path / "recording.nc")
-    report = diagnose("MixedAirCO2", tmp_path / "recording.nc").report
+    report = diagnose("MixedAirCO2", tmp_path / "recording.nc", stretch=Stretch(end="2001-01-08")).report
     assert report.verdict == "no_gap", report.summary
     assert report.no_gap > max(report.none_of_these, *(one.probability for one in report.effects))
     assert "split by Erbs" in report.assumed["HFac"]
