@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -214,13 +215,19 @@ def import_recording(
             " room.csv weather.toml weather.csv"
         )
     settings = [load_mapping(one) for one in given[::2]]
-    described = _system(settings, system)
     out = Path(out)
     if out.suffix != ".nc":
         raise RecordingError(f"{out}: ending is {out.suffix!r}; expected .nc")
     check_folder(out.parent, RecordingError)
     check_free(out, out.with_suffix(".png"))
-    read = [read_measurements(path, one) for path, one in zip(given[1::2], settings, strict=True)]
+    read: list[Measurements] = []
+    wrong: list[str] = []
+    with _noted(wrong):
+        described = _system(settings, system)
+    for path, own in zip(given[1::2], settings, strict=True):
+        with _noted(wrong):
+            read.append(read_measurements(path, own))
+    _refuse(wrong)
     measurements, data = read[0], given[1]
     length = float(measurements.utc[-1] - measurements.utc[0])
     interval = float(np.median(np.diff(measurements.utc)))
@@ -306,6 +313,21 @@ def import_recording(
     )
 
 
+@contextmanager
+def _noted(wrong: list[str]) -> Iterator[None]:
+    """Add what a RecordingError says to what is wrong, and go on."""
+    try:
+        yield
+    except RecordingError as error:
+        wrong.append(str(error))
+
+
+def _refuse(wrong: Sequence[str]) -> None:
+    """Raise RecordingError if anything is wrong: all of it, each sentence once."""
+    if wrong:
+        raise RecordingError("\n".join(dict.fromkeys(wrong)))
+
+
 def _system(mappings: Sequence[Mapping], given: System | Path | str | None) -> System:
     first = mappings[0]
     if isinstance(given, System):
@@ -383,16 +405,22 @@ def _about_further(one: Composer) -> list[str]:
 def _series(composers: Sequence[Composer]) -> tuple[list[Series], list[str]]:
     """All series that can be had, each of the first mapping that has it, and the names of the variables that cannot."""
     series, missing = [], []
-    system = composers[0].system
-    outputs = [(one.name, [composer.output(one) for composer in composers]) for one in system.outputs]
-    inputs = [(one.name, [_input_series(composers, one)]) for one in system.inputs]
-    for name, made in [*outputs, *inputs]:
-        found = next((one for one in made if one is not None), None)
-        if found is None:
-            missing.append(name)
-        else:
-            series.append(found)
+    wrong: list[str] = []
+    for one in [*composers[0].system.outputs, *composers[0].system.inputs]:
+        with _noted(wrong):
+            found = _output_series(composers, one) if isinstance(one, Output) else _input_series(composers, one)
+            if found is None:
+                missing.append(one.name)
+            else:
+                series.append(found)
+    _refuse(wrong)
     return series, missing
+
+
+def _output_series(composers: Sequence[Composer], one: Output) -> Series | None:
+    """The series of an output: of the first mapping that has it."""
+    made = [composer.output(one) for composer in composers]
+    return next((series for series in made if series is not None), None)
 
 
 def _input_series(composers: Sequence[Composer], one: Input) -> Series | None:

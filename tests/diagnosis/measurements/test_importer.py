@@ -231,3 +231,15 @@ def test_facts_of_the_building_come_along_by_the_names_of_the_description(tmp_pa
     mapping.write_text(text.replace("window.share", "window.shade"))
     with pytest.raises(RecordingError, match=r"given: 'window.shade' is no given fact of Room; found .*window\.share"):
         import_recording(mapping, example / "measurements.csv", **more)
+
+
+def test_all_mistakes_are_told_in_one_go(house):
+    """Of the mapping against the system, of the file's columns, and then of what stands in the columns."""
+    frame, _ = measured()
+    wrong = MAPPING.replace('unit = "degC"\ncompare', 'unit = "ppm"\ncompare').replace('"kilowatts"', '"kilowatt"')
+    with pytest.raises(RecordingError) as told:
+        house(frame, wrong)
+    assert "cannot become" in str(told.value) and "did you mean kilowatts?" in str(told.value)
+    with pytest.raises(RecordingError) as told:
+        house(frame.assign(room="lost", kilowatts="lost"))
+    assert all(f"column '{name}'" in str(told.value) for name in ("room", "kilowatts"))

@@ -92,6 +92,7 @@ def test_what_two_mappings_bring_is_refused_with_all_other_mistakes(logs, tmp_pa
     logs[0].write_text(logs[0].read_text().replace("[variables.CO2]", "[variables.CO3]"))
     with pytest.raises(RecordingError) as found:
         import_recording(*logs, out=tmp_path / "two.nc")
-    first, second = str(found.value).splitlines()
+    first, second, third = str(found.value).splitlines()
+    assert "station.csv has not all columns" in third
     assert "room.toml: variables: 'CO3' is neither" in first
     assert "station.toml: variables.TRoo: is in" in second and "room.toml, too; expected it in one of them" in second
